@@ -1,0 +1,101 @@
+#pragma once
+
+// The one runner: estimate(estimator, plan) draws the samples of a plan and returns their mean with its doubt.
+//
+//   mean = 1/N sum_i e(Stream(seed, first + i)),   i = 0 ... N - 1
+//
+// Samples run in chunks of 4096 absolute indices; chunk sums combine by a fixed binary tree, so the result is
+// the same bits for any number of threads, and results over neighbouring ranges merge into the bits of the
+// whole (Chan, Golub, LeVeque 1983 for the merge of moments). `trace` draws one sample alone, with its levels.
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <debias/core/accumulator.hpp>
+#include <debias/core/estimator.hpp>
+#include <debias/core/result.hpp>
+#include <debias/core/stream.hpp>
+
+namespace debias {
+
+namespace detail {
+using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
+
+Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body);
+Statistics merge(const Statistics& a, const Statistics& b);
+[[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
+}  // namespace detail
+
+/// Runs the estimator over the samples of the plan.
+/// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
+/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop.
+/// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
+template <Estimator E>
+Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
+  using V = estimate_value_t<E>;
+  Statistics statistics =
+      detail::run(plan, description(estimator),
+                  [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
+                    for (std::int64_t i = first; i < last; ++i) {
+                      Stream rng(plan.seed, static_cast<std::uint64_t>(i));
+                      recorder.add(draw_sample(estimator, rng, recorder));
+                    }
+                  });
+  if constexpr (RealValue<V> || ComplexValue<V>) {
+    return Result<V>(std::move(statistics), V{});
+  } else {  // a value of the right shape: the first sample, drawn again
+    Stream rng(plan.seed, static_cast<std::uint64_t>(plan.first));
+    NullRecord record;
+    return Result<V>(std::move(statistics), draw_sample(estimator, rng, record).value);
+  }
+}
+
+/// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
+/// the bits of a single run where the ranges meet at a multiple of 4096.
+/// Throws std::invalid_argument for another estimator, law or seed, an overlap, a gap, or a cut chunk.
+template <Value V>
+Result<V> merge(const Result<V>& a, const Result<V>& b) {
+  if constexpr (RealValue<V> || ComplexValue<V>) {
+    return Result<V>(detail::merge(a, b), V{});
+  } else {
+    return Result<V>(detail::merge(a, b), a.mean);
+  }
+}
+
+/// One level that a traced sample touched, in order.
+struct TracedLevel {
+  bool is_base = false;
+  std::int64_t level = 0;
+  double difference = 0;  ///< unweighted; the value, for the base
+  double work = 0;
+};
+
+/// One sample drawn alone.
+template <Value V>
+struct Trace {
+  Sample<V> sample;
+  std::vector<TracedLevel> levels;
+};
+
+/// Sample `index` of `seed`, the very one that a run contains, with all levels that it touched.
+template <Estimator E>
+Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
+  struct TraceRecord {
+    std::vector<TracedLevel> levels;
+    void base(std::int64_t level, double value, double work) { levels.push_back({true, level, value, work}); }
+    void difference(std::int64_t level, double d, double work) { levels.push_back({false, level, d, work}); }
+  } record;
+  Stream rng(seed, static_cast<std::uint64_t>(index));
+  try {
+    auto sample = draw_sample(estimator, rng, record);
+    return {std::move(sample), std::move(record.levels)};
+  } catch (...) {
+    detail::rethrow_with_sample(seed, index);
+  }
+}
+
+}  // namespace debias

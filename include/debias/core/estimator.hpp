@@ -1,0 +1,92 @@
+#pragma once
+
+// An estimator: a const callable of a Stream that returns one sample, E[sample.value] = I.
+//
+//   e(rng, record) -> Sample     reports every level that it touches to the record, or
+//   e(rng)         -> Sample     keeps no level record, or
+//   e(rng)         -> Value      any random variable: plain Monte Carlo, work 1.
+//
+// The record sees (level, scalar of the unweighted difference, work); the base has a row of its own. A sample's
+// `level` is the deepest it touched, its `work` the sum over everything it drew.
+
+#include <concepts>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include <debias/core/sequence.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/core/value.hpp>
+
+namespace debias {
+
+template <Value V>
+struct Sample {
+  V value;
+  double work = 1;
+  std::int64_t level = 0;
+};
+
+/// The record that keeps nothing, and compiles to nothing.
+struct NullRecord {
+  void base(std::int64_t /*level*/, double /*value*/, double /*work*/) {}
+  void difference(std::int64_t /*level*/, double /*difference*/, double /*work*/) {}
+};
+
+template <class R>
+concept Record = requires(R& r, std::int64_t level, double x, double work) {
+  r.base(level, x, work);
+  r.difference(level, x, work);
+};
+
+namespace detail {
+template <class T>
+inline constexpr bool is_sample = false;
+template <class V>
+inline constexpr bool is_sample<Sample<V>> = true;
+
+template <class E>
+concept RecordingEstimator = requires(const E& e, Stream& rng, NullRecord& record) {
+  requires is_sample<std::remove_cvref_t<decltype(e(rng, record))>>;
+};
+template <class E>
+concept SilentEstimator = requires(const E& e, Stream& rng) {
+  requires is_sample<std::remove_cvref_t<decltype(e(rng))>>;
+};
+}  // namespace detail
+
+template <class E>
+concept Estimator = detail::RecordingEstimator<E> || detail::SilentEstimator<E> || RandomVariable<E>;
+
+/// One sample of any estimator.
+template <Estimator E, Record R>
+auto draw_sample(const E& e, Stream& rng, R& record) {
+  if constexpr (detail::RecordingEstimator<E>) {
+    return e(rng, record);
+  } else if constexpr (detail::SilentEstimator<E>) {
+    return e(rng);
+  } else {
+    return Sample<draw_t<E>>{e(rng)};
+  }
+}
+
+/// The value type of an estimator's samples.
+template <Estimator E>
+using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::declval<Stream&>(),
+                                              std::declval<NullRecord&>())
+                                      .value);
+
+/// What an estimator calls itself, law and base level included; results of different names do not merge.
+template <Estimator E>
+std::string description(const E& e) {
+  if constexpr (requires {
+                  { e.describe() } -> std::convertible_to<std::string>;
+                }) {
+    return e.describe();
+  } else {
+    return "user-defined estimator";
+  }
+}
+
+}  // namespace debias

@@ -1,0 +1,55 @@
+#pragma once
+
+// Rates: how the differences of a sequence decay and how its work grows, and what that asks of a law.
+//
+//   geometric:   E D_k^2 ~ 2^(-beta k),  work_k ~ 2^(gamma k),  p_k ~ 2^(-rho k)
+//                variance finite iff rho < beta, work finite iff rho > gamma, best rho = (beta + gamma) / 2
+//   polynomial:  E D_k^2 ~ k^(-beta),    work_k ~ k^gamma,      p_k ~ k^(-rho)
+//                variance finite iff rho < beta - 1, work finite iff rho > gamma + 1, best rho as above
+//
+//   Notation: beta = Rates::variance, gamma = Rates::work, rho = TailExponent::exponent.
+//   The fourth moment needs sum E D_k^4 / p_k^3 < infinity; with E D^4 ~ (E D^2)^2, 3 rho < 2 beta (geometric).
+// Assumes exact power laws from some level on. Kinks and rare events break E D^4 ~ (E D^2)^2 and with it the
+// statement on the fourth moment, not the one on the variance.
+// Source: Rhee & Glynn, Oper. Res. 63 (2015), section 3; fourth moment derived here.
+
+#include <limits>
+
+namespace debias {
+
+/// How a quantity depends on the level k: 2^(-+ exponent k), or k^(-+ exponent).
+enum class Decay { geometric, polynomial };
+
+/// beta and gamma of a sequence. An infinite `variance` stands for differences that are zero or fall faster
+/// than any such rate.
+struct Rates {
+  double variance;
+  double work;
+  Decay decay = Decay::geometric;
+
+  static constexpr double faster_than_any = std::numeric_limits<double>::infinity();
+};
+
+/// rho of a law: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.
+struct TailExponent {
+  double exponent;
+  Decay decay = Decay::geometric;
+};
+
+/// The open interval of rho with finite variance and finite work; empty (low >= high) when no law has both.
+struct ExponentRange {
+  double low;
+  double high;
+};
+ExponentRange finite_exponents(const Rates& rates);
+
+/// True when some law has finite variance and finite work.
+bool law_exists(const Rates& rates);
+
+/// The rho to take when nothing but the rates is known: the best one for variance x work, moved (at most 90 % of
+/// the way from the lower end) below the bound of the fourth moment where that is possible, so that the
+/// standard error can be trusted.
+/// Throws std::invalid_argument when no law has finite variance and finite work.
+double default_exponent(const Rates& rates);
+
+}  // namespace debias

@@ -1,0 +1,164 @@
+#pragma once
+
+// What is asked of a run (Plan) and what it answers (Result): the mean with its own doubt.
+//
+//   standard error = sqrt(variance / samples), efficiency = 1 / (variance x seconds per sample)
+//
+// Assumes a finite variance: without it the mean is still unbiased, but the standard error, the interval and
+// the efficiency are not to be trusted, and too small most of the time. A warning says so when a single sample
+// dominates, or when the sample variance is itself too uncertain.
+
+#include <cstdint>
+#include <functional>
+#include <iosfwd>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <debias/core/accumulator.hpp>
+#include <debias/core/value.hpp>
+
+namespace debias {
+
+/// Which samples to run: [first, first + samples) of `seed`. Threads change nothing but the time.
+struct Plan {
+  std::int64_t samples = std::int64_t{1} << 16;
+  std::uint64_t seed = 1;
+  std::int64_t first = 0;
+  int threads = 0;  ///< 0: as many as the machine has
+  /// Called on the calling thread with the number of finished samples; return false to give up (Interrupted).
+  std::function<bool(std::int64_t done)> progress = {};
+};
+
+/// Thrown when Plan::progress asks to stop: a part of a run whose end depended on the clock is not a result.
+struct Interrupted : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// A callable threw; what() says how to replay the sample, std::rethrow_if_nested gives the original.
+class SampleError : public std::runtime_error {
+ public:
+  SampleError(const std::string& what, std::uint64_t seed, std::int64_t index)
+      : std::runtime_error(what), seed_(seed), index_(index) {}
+  [[nodiscard]] std::uint64_t seed() const { return seed_; }
+  [[nodiscard]] std::int64_t index() const { return index_; }
+
+ private:
+  std::uint64_t seed_;
+  std::int64_t index_;
+};
+
+struct Interval {
+  double low = 0;
+  double high = 0;
+  double confidence = 0.95;
+};
+
+/// What a run knows of one level, or of the octave [level, last_level] beyond level 63.
+struct LevelRow {
+  std::int64_t level = 0;
+  std::int64_t last_level = 0;
+  bool is_base = false;
+  std::int64_t count = 0;
+  double mean = 0;           ///< of the unweighted difference (of the value, for the base)
+  double second_moment = 0;  ///< E D^2
+  double fourth_moment = 0;  ///< E D^4
+  double work = 0;           ///< per draw
+};
+
+/// One component of the estimate.
+struct ComponentEstimate {
+  double mean = 0;
+  double variance = 0;  ///< of one sample
+  double standard_error = 0;
+};
+
+/// The sums of a run as the open nodes of a binary tree over the chunks of 4096 samples (absolute index): what
+/// two results need in order to merge into the bits that one run would have given.
+class RunState {
+ public:
+  static constexpr std::int64_t chunk_size = 4096;
+
+  /// Adds the sums over samples [first, last) of one chunk, or of a part of it.
+  void add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums);
+  /// Adds another state. Throws std::invalid_argument where both hold the same samples.
+  void merge(const RunState& other);
+
+  [[nodiscard]] std::int64_t first() const;
+  [[nodiscard]] std::int64_t last() const;
+  /// True when [first, last) has no hole and no cut inside a chunk.
+  [[nodiscard]] bool contiguous() const;
+  [[nodiscard]] Accumulator total() const;
+
+  Extremes extremes;
+
+ private:
+  struct Node {
+    std::int64_t last = 0;
+    std::int64_t chunks = 0;  // a power of two; 0 for a chunk that is not complete
+    Accumulator sums;
+  };
+  void insert(std::int64_t first, Node node);
+
+  std::map<std::int64_t, Node> nodes_;  // by first sample
+};
+
+/// Everything about a run that does not depend on the type of its values.
+struct Statistics {
+  std::string estimator;
+  std::uint64_t seed = 0;
+  std::int64_t first = 0;
+  std::int64_t samples = 0;
+  std::vector<ComponentEstimate> components;
+  Moments moments;  ///< of the scalar of a sample: the value itself, or its norm
+  double work = 0;  ///< total
+  double seconds = 0;
+  std::vector<LevelRow> levels;
+  std::vector<LargeSample> largest;  ///< by magnitude, at most 32
+  std::vector<double> upper_tail;    ///< at most 4096, descending
+  std::vector<double> lower_tail;    ///< at most 4096, ascending
+  std::int64_t nonfinite = 0;
+  std::int64_t first_nonfinite = -1;
+  std::vector<std::string> warnings;
+  RunState state;
+
+  /// Two-sided normal interval. Throws std::invalid_argument unless 0 < confidence < 1.
+  [[nodiscard]] Interval interval(double confidence = 0.95, std::size_t component = 0) const;
+  /// 1 / (variance x seconds per sample), with the sum of the variances of all components; infinite for an
+  /// estimator without variance.
+  [[nodiscard]] double efficiency() const;
+  [[nodiscard]] double work_per_sample() const { return work / static_cast<double>(samples); }
+};
+
+std::ostream& operator<<(std::ostream& out, const Statistics& statistics);
+
+/// The mean with two digits of its standard error, which count in its last two digits: 0.75003(12), 1230(140).
+/// An error that straddles the decimal point shows it: 123.4(1.2).
+std::string with_error(double mean, double standard_error);
+
+/// The answer of `estimate`.
+template <Value V>
+struct Result : Statistics {
+  Result(Statistics statistics, const V& shape)
+      : Statistics(std::move(statistics)), mean(as_mean(shape)), standard_error(as_mean(shape)) {
+    for (std::size_t i = 0; i < components.size(); ++i) {
+      set_component(mean, i, components[i].mean);
+      set_component(standard_error, i, components[i].standard_error);
+    }
+  }
+
+  mean_t<V> mean;
+  mean_t<V> standard_error;  ///< of each component
+
+ private:
+  static mean_t<V> as_mean(const V& shape) {
+    if constexpr (RealValue<V> || ComplexValue<V>) {
+      return {};
+    } else {
+      return shape;
+    }
+  }
+};
+
+}  // namespace debias

@@ -1,0 +1,205 @@
+#pragma once
+
+// Sequences of biased estimates I_0, I_1, ... with E[I_k] -> I, and the draws they return.
+//
+//   I_k = value, D_k = I_k - I_(k-1) = difference (I_(-1) = 0), work = cost of the draw, in a unit of yours
+//
+// A BiasedSequence addresses its levels: `s(level, rng)` returns a coupled draw of I_k and D_k. A TermSequence
+// yields the terms of a series in order along one path: `s(rng)` returns a cursor, `cursor()` the next term.
+// Both are const callables of a Stream, a lambda will do; a `mutable` one, a data race in a parallel run, does
+// not compile. What is required: E D_k = E I_k - E I_(k-1) for every k (a survey checks it), work > 0, and
+// sum_k E|D_k| < infinity. Optional members, found by concepts:
+//
+//   value_at(level, rng)            -> Term: I_k alone, when the coarse partner costs extra
+//   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra
+//   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
+//   rates                           -> Rates: how E D_k^2 decays and how the work grows
+// Sources: Rhee & Glynn, Oper. Res. 63 (2015); Misso et al., ACM TOG 41(4), 2022 (shared base).
+
+#include <concepts>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include <debias/core/rates.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/core/value.hpp>
+
+namespace debias {
+
+/// A coupled draw of level k: `value` is I_k, `difference` is I_k - I_(k-1).
+template <Value V>
+struct Draw {
+  V value;
+  V difference;
+  double work = 1;
+};
+
+/// One term of a series, or one number of a draw on its own.
+template <Value V>
+struct Term {
+  V value;
+  double work = 1;
+};
+
+/// A difference together with a base estimate made of the same draws.
+template <Value V>
+struct SharedDraw {
+  V base;
+  V difference;
+  double work = 1;
+};
+
+/// A draw of level 0, where the difference is the value.
+template <Value V>
+Draw<V> base(const V& value, double work = 1) {
+  return {value, value, work};
+}
+
+/// A draw of a level above 0 from the fine estimate and its coupled coarse one.
+template <Value V>
+Draw<V> coupled(const V& fine, const V& coarse, double work = 1) {
+  return {fine, difference(fine, coarse), work};
+}
+
+namespace detail {
+template <class T>
+inline constexpr bool is_draw = false;
+template <class V>
+inline constexpr bool is_draw<Draw<V>> = true;
+template <class T>
+inline constexpr bool is_term = false;
+template <class V>
+inline constexpr bool is_term<Term<V>> = true;
+template <class T>
+inline constexpr bool is_shared_draw = false;
+template <class V>
+inline constexpr bool is_shared_draw<SharedDraw<V>> = true;
+}  // namespace detail
+
+template <class S>
+concept BiasedSequence = requires(const S& s, std::int64_t level, Stream& rng) {
+  requires detail::is_draw<std::remove_cvref_t<decltype(s(level, rng))>>;
+};
+
+template <class S>
+concept TermSequence = requires(const S& s, Stream& rng) {
+  s(rng)();
+  requires detail::is_term<std::remove_cvref_t<decltype(s(rng)())>>;
+};
+
+/// A draw of X: `x(rng)` returns a Value.
+template <class X>
+concept RandomVariable = requires(const X& x, Stream& rng) {
+  requires Value<std::remove_cvref_t<decltype(x(rng))>>;
+};
+
+template <RandomVariable X>
+using draw_t = std::remove_cvref_t<std::invoke_result_t<const X&, Stream&>>;
+
+namespace detail {
+template <class S>
+struct SequenceValue;
+template <BiasedSequence S>
+struct SequenceValue<S> {
+  using type = decltype(std::declval<const S&>()(std::int64_t{}, std::declval<Stream&>()).value);
+};
+template <TermSequence S>
+  requires(!BiasedSequence<S>)
+struct SequenceValue<S> {
+  using type = decltype(std::declval<const S&>()(std::declval<Stream&>())().value);
+};
+}  // namespace detail
+
+/// The value type of a sequence of either kind.
+template <class S>
+using sequence_value_t = typename detail::SequenceValue<S>::type;
+
+template <class S>
+concept OffersValueAt = requires(const S& s, std::int64_t level, Stream& rng) {
+  requires detail::is_term<std::remove_cvref_t<decltype(s.value_at(level, rng))>>;
+};
+template <class S>
+concept OffersDifferenceAt = requires(const S& s, std::int64_t level, Stream& rng) {
+  requires detail::is_term<std::remove_cvref_t<decltype(s.difference_at(level, rng))>>;
+};
+template <class S>
+concept OffersSharedBase = requires(const S& s, std::int64_t level, Stream& rng) {
+  requires detail::is_shared_draw<std::remove_cvref_t<decltype(s.shared(level, level, rng))>>;
+};
+
+/// I_level alone, by the cheapest way that the sequence offers.
+template <BiasedSequence S>
+Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) {
+  if constexpr (OffersValueAt<S>) {
+    return s.value_at(level, rng);
+  } else {
+    auto draw = s(level, rng);
+    return {std::move(draw.value), draw.work};
+  }
+}
+
+/// D_level alone, by the cheapest way that the sequence offers.
+template <BiasedSequence S>
+Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& rng) {
+  if constexpr (OffersDifferenceAt<S>) {
+    return s.difference_at(level, rng);
+  } else {
+    auto draw = s(level, rng);
+    return {std::move(draw.difference), draw.work};
+  }
+}
+
+/// A sequence that declares its rates gets its law for free.
+template <class S>
+concept DeclaresRates = requires(const S& s) {
+  { s.rates } -> std::convertible_to<Rates>;
+};
+
+/// Adapts a TermSequence to levels: I_k is the sum of the terms 0 ... k of one path, D_k its term k. Reaching
+/// term k means walking there, so a level costs all its terms.
+template <TermSequence S>
+class LevelsOf {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  explicit LevelsOf(S terms) : terms_(std::move(terms)) {}
+
+  Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
+    auto cursor = terms_(rng);
+    Term<value_type> term = cursor();
+    value_type partial = term.value;
+    double work = term.work;
+    for (std::int64_t k = 1; k <= level; ++k) {
+      term = cursor();
+      partial = sum(std::move(partial), term.value);
+      work += term.work;
+    }
+    return {std::move(partial), std::move(term.value), work};
+  }
+
+ private:
+  S terms_;
+};
+
+/// As above, with the rates of the terms: the linear growth of the work counts only beside a polynomial decay.
+template <TermSequence S>
+  requires DeclaresRates<S>
+class RatedLevelsOf : public LevelsOf<S> {
+ public:
+  explicit RatedLevelsOf(S terms) : LevelsOf<S>(terms), rates(terms.rates) {
+    if (rates.decay == Decay::polynomial) rates.work += 1;
+  }
+  Rates rates;
+};
+
+template <TermSequence S>
+auto levels_of(S terms) {
+  if constexpr (DeclaresRates<S>) {
+    return RatedLevelsOf<S>(std::move(terms));
+  } else {
+    return LevelsOf<S>(std::move(terms));
+  }
+}
+
+}  // namespace debias

@@ -1,0 +1,107 @@
+#pragma once
+
+// Counter-based random numbers: every number is a pure function of (seed, index, branch, position).
+//
+//   bits(position) = philox2x64-10(counter = (position / 2, index), key)[position mod 2]
+//   uniform        = (bits >> 12 + 1/2) 2^-52, an odd multiple of 2^-53 in (0, 1), never 0 or 1
+//   key            = seed at the root; key(child) = mix(key(parent), branch)
+//
+// Assumptions: a run draws fewer than 2^64 numbers per stream; keys of different branches are hashes, so two
+// of n branches share a stream with probability n^2 / 2^65. Probabilities are resolved to 2^-52: an event
+// rarer than that never happens, which shifts a mean by less than any standard error one can afford.
+// The layout carries a version number and changes only with a major version of the library.
+// Sources: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (philox);
+// Steele, Lea, Flood, OOPSLA 2014 (mix); Wichura, Applied Statistics 37 (1988), AS 241 (normal).
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include <Random123/philox.h>
+
+#ifdef __FAST_MATH__
+#error "debias: -ffast-math deletes the checks for non-finite samples; build without it"
+#endif
+
+namespace debias {
+
+/// The quantile of the standard normal law at u in (0, 1); relative error about 1e-16 [AS 241, PPND16].
+double normal_quantile(double u);
+
+/// The random numbers of one sample. Copy it for common random numbers, split it for independent ones.
+class Stream {
+ public:
+  /// Changes whenever the same (seed, index, branch, position) would give another number.
+  static constexpr int layout_version = 1;
+
+  Stream(std::uint64_t seed, std::uint64_t index) : key_(seed), index_(index) {}
+
+  /// 64 random bits.
+  std::uint64_t bits() {
+    const bool second = (position_ & 1) != 0;
+    if (!second) refill();
+    ++position_;
+    return block_[second ? 1 : 0];
+  }
+
+  /// Uniform in the open interval (0, 1); 1 - uniform() lies on the same lattice.
+  double uniform() { return to_uniform(bits()); }
+
+  /// Standard normal, by inversion: one uniform each, monotone in it.
+  double normal() { return normal_quantile(uniform()); }
+
+  /// Exponential with mean 1, by inversion.
+  double exponential() { return -std::log(uniform()); }
+
+  /// The same numbers as uniforms.size() calls of uniform(), in order.
+  void fill(std::span<double> uniforms) {
+    std::size_t i = 0;
+    if ((position_ & 1) != 0 && i < uniforms.size()) uniforms[i++] = uniform();
+    for (; i + 1 < uniforms.size(); i += 2) {
+      refill();
+      uniforms[i] = to_uniform(block_[0]);
+      uniforms[i + 1] = to_uniform(block_[1]);
+      position_ += 2;
+    }
+    if (i < uniforms.size()) uniforms[i] = uniform();
+  }
+
+  /// An independent stream; it does not depend on how much of this one has been used.
+  [[nodiscard]] Stream split(std::uint64_t branch) const { return Stream(mix(key_, branch), index_); }
+
+  /// The absolute index of the sample that this stream belongs to.
+  [[nodiscard]] std::uint64_t index() const { return index_; }
+
+ private:
+  void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
+
+  static double to_uniform(std::uint64_t bits) {
+    return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52;  // 52 bits: with 53 the largest would round to 1
+  }
+
+  static std::uint64_t mix(std::uint64_t key, std::uint64_t branch) {
+    // The constant keeps key 0 from being its own child: seed 0, branch ~0 is Branch::law of the seed 0.
+    std::uint64_t z = (key ^ 0x6a09e667f3bcc909u) + (branch + 1) * 0x9e3779b97f4a7c15u;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return z ^ (z >> 31);
+  }
+
+  std::uint64_t key_;
+  std::uint64_t index_;
+  std::uint64_t position_ = 0;
+  r123::Philox2x64::ctr_type block_{};
+};
+
+/// Branches of a sample's stream that are not levels. Level k draws from split(k), so estimators and laws
+/// that share a seed see the same level draws; everything else has a tag of its own up here.
+enum class Branch : std::uint64_t { law = ~std::uint64_t{0}, pilot = ~std::uint64_t{1} };
+
+inline Stream split(const Stream& rng, Branch branch) { return rng.split(static_cast<std::uint64_t>(branch)); }
+
+inline Stream split_level(const Stream& rng, std::int64_t level) {
+  return rng.split(static_cast<std::uint64_t>(level));
+}
+
+}  // namespace debias

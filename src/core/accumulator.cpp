@@ -1,0 +1,173 @@
+#include <debias/core/accumulator.hpp>
+
+#include <stdexcept>
+#include <string>
+
+namespace debias {
+namespace {
+
+// Eight independent partial sums: the order is fixed, and a compiler can keep them in vector registers.
+constexpr std::size_t lanes = 8;
+
+double total(const std::array<double, lanes>& s) {
+  return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
+}
+
+template <class Term>
+double lane_sum(std::span<const double> values, const Term& term) {
+  std::array<double, lanes> s{};
+  std::size_t i = 0;
+  for (; i + lanes <= values.size(); i += lanes) {
+    for (std::size_t l = 0; l < lanes; ++l) s[l] += term(values[i + l]);
+  }
+  for (std::size_t l = 0; i < values.size(); ++i, ++l) s[l] += term(values[i]);
+  return total(s);
+}
+
+}  // namespace
+
+Moments Moments::of(std::span<const double> values) {
+  Moments m;
+  if (values.empty()) return m;
+  const auto n = static_cast<double>(values.size());
+  const double rough = lane_sum(values, [](double x) { return x; }) / n;
+  // The second pass takes out what rounding left: equal values have their own value as mean, and variance 0.
+  const double mean = rough + lane_sum(values, [rough](double x) { return x - rough; }) / n;
+  const auto square = [mean](double x) {
+    const double d = x - mean;
+    return d * d;
+  };
+  m.count = static_cast<std::int64_t>(values.size());
+  m.mean = mean;
+  m.m2 = lane_sum(values, square);
+  m.m3 = lane_sum(values, [&](double x) { return square(x) * (x - mean); });
+  m.m4 = lane_sum(values, [&](double x) { return square(x) * square(x); });
+  return m;
+}
+
+void Moments::merge(const Moments& b) {
+  if (b.count == 0) return;
+  if (count == 0) {
+    *this = b;
+    return;
+  }
+  const auto na = static_cast<double>(count);
+  const auto nb = static_cast<double>(b.count);
+  const double n = na + nb;
+  const double delta = b.mean - mean;
+  const double d = delta / n;  // Pebay 2008, (2.1) to (2.4)
+  const double d2 = d * d;
+  m4 += b.m4 + delta * d * d2 * na * nb * (na * na - na * nb + nb * nb) +
+        6 * d2 * (na * na * b.m2 + nb * nb * m2) + 4 * d * (na * b.m3 - nb * m3);
+  m3 += b.m3 + delta * d2 * na * nb * (na - nb) + 3 * d * (na * b.m2 - nb * m2);
+  m2 += b.m2 + delta * d * na * nb;
+  mean += d * nb;
+  count += b.count;
+}
+
+double Moments::variance() const {
+  return count < 2 ? std::numeric_limits<double>::quiet_NaN() : m2 / static_cast<double>(count - 1);
+}
+
+double Moments::standard_error() const { return std::sqrt(variance() / static_cast<double>(count)); }
+
+double Moments::skewness() const {
+  const double v = m2 / static_cast<double>(count);
+  return m2 > 0 ? m3 / static_cast<double>(count) / (v * std::sqrt(v)) : 0;
+}
+
+double Moments::kurtosis() const {
+  const double v = m2 / static_cast<double>(count);
+  return m2 > 0 ? m4 / static_cast<double>(count) / (v * v) : 0;
+}
+
+void ComponentMoments::merge(const ComponentMoments& b) {
+  if (b.count_ == 0) return;
+  if (count_ == 0) {
+    *this = b;
+    return;
+  }
+  if (entries_.size() != b.entries_.size()) size_mismatch(b.entries_.size());
+  const auto na = static_cast<double>(count_);
+  const auto nb = static_cast<double>(b.count_);
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const double delta = b.entries_[i].mean - entries_[i].mean;
+    entries_[i].mean += delta * (nb / (na + nb));
+    entries_[i].m2 += b.entries_[i].m2 + delta * delta * (na * nb / (na + nb));
+  }
+  count_ += b.count_;
+}
+
+void ComponentMoments::size_mismatch(std::size_t components) const {
+  throw std::invalid_argument("estimate: a sample has " + std::to_string(components) +
+                              " components where an earlier one had " + std::to_string(entries_.size()) +
+                              " (all samples of a run must have the same shape)");
+}
+
+void LevelSums::merge(const LevelSums& other) {
+  count += other.count;
+  difference += other.difference;
+  square += other.square;
+  fourth += other.fourth;
+  work += other.work;
+}
+
+void LevelTable::merge(const LevelTable& other) {
+  if (other.base_.count > 0) base_level_ = other.base_level_;
+  base_.merge(other.base_);
+  for (std::size_t i = 0; i < other.used_; ++i) rows_[i].merge(other.rows_[i]);
+  used_ = std::max(used_, other.used_);
+}
+
+std::pair<std::int64_t, std::int64_t> LevelTable::levels_of_row(std::size_t row) {
+  const auto i = static_cast<std::int64_t>(row);
+  if (i < single_levels) return {i, i};
+  const std::int64_t first = single_levels << (i - single_levels);
+  return {first, first + (first - 1)};
+}
+
+void Extremes::add(std::span<const double> values, std::span<const std::int64_t> levels,
+                   std::int64_t first_index) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double x = values[i] + 0.0;  // -0 becomes 0: equal values must have equal bits
+    const LargeSample candidate{first_index + static_cast<std::int64_t>(i), levels[i], x};
+    if (!std::isfinite(x)) [[unlikely]] {
+      add_nonfinite(candidate.index);
+      continue;
+    }
+    if (upper_.wants(x)) upper_.add(x);
+    if (lower_.wants(x)) lower_.add(x);
+    if (largest_.wants(candidate)) largest_.add(candidate);
+  }
+}
+
+void Extremes::add_nonfinite(std::int64_t index) {
+  ++nonfinite_;
+  if (first_nonfinite_ < 0 || index < first_nonfinite_) first_nonfinite_ = index;
+}
+
+void Extremes::merge(const Extremes& other) {
+  upper_.merge(other.upper_);
+  lower_.merge(other.lower_);
+  largest_.merge(other.largest_);
+  if (other.nonfinite_ == 0) return;
+  add_nonfinite(other.first_nonfinite_);
+  nonfinite_ += other.nonfinite_ - 1;
+}
+
+void Accumulator::merge(const Accumulator& right) {
+  moments.merge(right.moments);
+  components.merge(right.components);
+  levels.merge(right.levels);
+  work += right.work;
+}
+
+void Recorder::flush() {
+  const std::span values(values_.data(), filled_);
+  sums_.moments.merge(Moments::of(values));
+  extremes_.add(values, std::span(levels_.data(), filled_), block_first_);
+  block_first_ += static_cast<std::int64_t>(filled_);
+  filled_ = 0;
+}
+
+}  // namespace debias

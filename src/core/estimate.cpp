@@ -1,0 +1,244 @@
+#include <debias/core/estimate.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <limits>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+
+namespace debias {
+namespace {
+
+void check(const Plan& plan) {
+  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
+  if (plan.samples < 1) {
+    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
+  }
+  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
+  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
+    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
+  }
+  if (plan.threads < 0) {
+    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
+  }
+}
+
+// The chunks of a plan, handed out in order to whoever asks.
+class Chunks {
+ public:
+  explicit Chunks(const Plan& plan)
+      : first_(plan.first), last_(plan.first + plan.samples), next_(plan.first / RunState::chunk_size) {}
+
+  [[nodiscard]] std::int64_t count() const {
+    return (last_ - 1) / RunState::chunk_size - first_ / RunState::chunk_size + 1;
+  }
+
+  // The samples of the next chunk; empty when there is none.
+  std::pair<std::int64_t, std::int64_t> take() {
+    const std::int64_t chunk = next_.fetch_add(1);
+    const std::int64_t last_chunk = (last_ - 1) / RunState::chunk_size;
+    if (chunk > last_chunk) return {last_, last_};
+    const std::int64_t begin = std::max(first_, chunk * RunState::chunk_size);
+    const std::int64_t end = chunk == last_chunk ? last_ : (chunk + 1) * RunState::chunk_size;
+    return {begin, end};
+  }
+
+ private:
+  std::int64_t first_;
+  std::int64_t last_;
+  std::atomic<std::int64_t> next_;
+};
+
+// Means, errors, rows and warnings from the sums of a run.
+Statistics finish(std::string estimator, std::uint64_t seed, double seconds, RunState state) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const Accumulator sums = state.total();
+  Statistics s;
+  s.estimator = std::move(estimator);
+  s.seed = seed;
+  s.first = state.first();
+  s.samples = state.last() - state.first();
+  s.moments = sums.moments;
+  s.work = sums.work;
+  s.seconds = seconds;
+  s.nonfinite = state.extremes.nonfinite();
+  s.first_nonfinite = state.extremes.first_nonfinite();
+  s.largest = state.extremes.largest();
+  s.upper_tail = state.extremes.upper_tail();
+  s.lower_tail = state.extremes.lower_tail();
+
+  const auto n = static_cast<double>(s.samples);
+  const auto add_component = [&](double mean, double m2) {
+    const double variance = s.samples < 2 ? nan : m2 / (n - 1);
+    s.components.push_back({s.nonfinite > 0 ? nan : mean, variance, std::sqrt(variance / n)});
+  };
+  if (sums.components.entries().empty()) {
+    add_component(sums.moments.mean, sums.moments.m2);
+  } else {
+    for (const ComponentMoments::Entry& e : sums.components.entries()) add_component(e.mean, e.m2);
+  }
+
+  const auto add_row = [&](std::pair<std::int64_t, std::int64_t> levels, bool is_base, const LevelSums& l) {
+    if (l.count == 0) return;
+    const auto count = static_cast<double>(l.count);
+    s.levels.push_back({levels.first, levels.second, is_base, l.count, l.difference / count, l.square / count,
+                        l.fourth / count, l.work / count});
+  };
+  add_row({sums.levels.base_level(), sums.levels.base_level()}, true, sums.levels.base());
+  for (std::size_t i = 0; i < sums.levels.rows().size(); ++i) {
+    add_row(LevelTable::levels_of_row(i), false, sums.levels.rows()[i]);
+  }
+  s.state = std::move(state);
+  return s;
+}
+
+std::string percent(double share) { return std::to_string(std::lround(100 * share)) + " %"; }
+
+void add_warnings(Statistics& s) {
+  const std::string seed = std::to_string(s.seed);
+  if (s.nonfinite > 0) {
+    s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
+                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
+                         ", sample " + std::to_string(s.first_nonfinite) + ".");
+    return;
+  }
+  if (s.samples < 2) {
+    s.warnings.emplace_back("one sample has no standard error; run at least two.");
+    return;
+  }
+  if (!(s.moments.m2 > 0) || s.largest.empty()) return;
+  const double distance = s.largest.front().value - s.moments.mean;
+  const double share = distance * distance / s.moments.m2;
+  // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
+  const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
+  if (s.samples >= 100 && share > 0.1) {
+    s.warnings.push_back("one sample carries " + percent(share) +
+                         " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
+                         seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
+                         std::to_string(s.largest.front().level) + ".");
+  } else if (doubt > 0.1) {
+    s.warnings.push_back("the standard error is itself uncertain by " + percent(doubt) +
+                         " (threshold 10 %), more often too small than too large; run more samples.");
+  }
+}
+
+}  // namespace
+
+namespace detail {
+
+void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
+  const auto report = [&](const std::string& what) {
+    std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " + std::to_string(seed) +
+                                           " threw: " + what + "; replay it alone with trace(estimator, " +
+                                           std::to_string(seed) + ", " + std::to_string(index) + ")",
+                                       seed, index));
+  };
+  try {
+    throw;
+  } catch (const std::exception& e) {
+    report(e.what());
+  } catch (...) {
+    report("something that is not a std::exception");
+  }
+  std::terminate();  // not reached: report always throws
+}
+
+Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body) {
+  check(plan);
+  const auto start = std::chrono::steady_clock::now();
+  Chunks chunks(plan);
+  RunState state;
+  std::atomic<std::int64_t> done = 0;
+  std::atomic<bool> stop = false;
+  std::mutex mutex;  // guards state and failure
+  std::exception_ptr failure;
+  std::int64_t failed_index = std::numeric_limits<std::int64_t>::max();
+
+  // Chunks are taken in order and a taken chunk always ends, so the smallest failing index is always found.
+  const auto work = [&](const std::function<bool(std::int64_t)>& progress) {
+    Recorder recorder;
+    while (!stop.load(std::memory_order_relaxed)) {
+      const auto [first, last] = chunks.take();
+      if (first >= last) break;
+      recorder.begin_chunk(first);
+      try {
+        body(first, last, recorder);
+        const Accumulator& sums = recorder.end_chunk();
+        const std::lock_guard lock(mutex);
+        state.add_chunk(first, last, sums);
+      } catch (...) {
+        stop = true;
+        const std::lock_guard lock(mutex);
+        if (recorder.next_index() < failed_index) {
+          failed_index = recorder.next_index();
+          failure = std::current_exception();
+        }
+        break;
+      }
+      const std::int64_t finished = done += last - first;
+      if (!progress) continue;
+      bool go_on = false;
+      try {
+        go_on = progress(finished);
+      } catch (...) {
+        stop = true;  // else the caller would wait for the rest of the run
+        throw;
+      }
+      if (!go_on) {
+        stop = true;
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::make_exception_ptr(Interrupted("estimate: interrupted by the caller"));
+      }
+    }
+    const std::lock_guard lock(mutex);
+    state.extremes.merge(recorder.extremes());
+  };
+
+  const unsigned wanted = plan.threads > 0 ? static_cast<unsigned>(plan.threads) : std::thread::hardware_concurrency();
+  const auto threads = std::clamp<std::int64_t>(wanted, 1, std::min<std::int64_t>(chunks.count(), 1024));
+  {
+    std::vector<std::jthread> helpers;
+    for (std::int64_t i = 1; i < threads; ++i) helpers.emplace_back([&work] { work({}); });
+    work(plan.progress);
+  }
+  if (failure) {
+    try {
+      std::rethrow_exception(failure);
+    } catch (const Interrupted&) {
+      throw;
+    } catch (...) {
+      rethrow_with_sample(plan.seed, failed_index);
+    }
+  }
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  Statistics statistics = finish(std::move(estimator), plan.seed, seconds.count(), std::move(state));
+  add_warnings(statistics);
+  return statistics;
+}
+
+Statistics merge(const Statistics& a, const Statistics& b) {
+  const auto refuse = [](const std::string& what) { throw std::invalid_argument("merge: " + what); };
+  if (a.estimator != b.estimator) {
+    refuse("the results are of different estimators (" + a.estimator + " and " + b.estimator + ")");
+  }
+  if (a.seed != b.seed) {
+    refuse("the results have seeds " + std::to_string(a.seed) + " and " + std::to_string(b.seed) +
+           " (one run has one seed); average their means weighted by samples instead");
+  }
+  RunState state = a.state;
+  state.merge(b.state);
+  if (!state.contiguous()) {
+    refuse("the ranges [" + std::to_string(a.first) + ", " + std::to_string(a.first + a.samples) + ") and [" +
+           std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) +
+           ") do not meet at a multiple of 4096; choose `first` and `samples` so");
+  }
+  Statistics statistics = finish(a.estimator, a.seed, a.seconds + b.seconds, std::move(state));
+  add_warnings(statistics);
+  return statistics;
+}
+
+}  // namespace detail
+}  // namespace debias

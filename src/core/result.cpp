@@ -1,0 +1,138 @@
+#include <debias/core/result.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <ostream>
+
+namespace debias {
+
+void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
+  const bool complete = first % chunk_size == 0 && last - first == chunk_size;
+  insert(first, Node{last, complete ? 1 : 0, sums});
+}
+
+// Puts a node into the tree and joins it with its neighbour as long as the two are the halves of one parent.
+void RunState::insert(std::int64_t first, Node node) {
+  const auto next = nodes_.lower_bound(first);
+  const bool overlaps_next = next != nodes_.end() && next->first < node.last;
+  const bool overlaps_previous = next != nodes_.begin() && std::prev(next)->second.last > first;
+  if (overlaps_next || overlaps_previous) {
+    throw std::invalid_argument("merge: both results hold sample " +
+                                std::to_string(overlaps_next ? next->first : first) +
+                                " (a sample may count once only); give the second run another `first`");
+  }
+  while (node.chunks > 0) {
+    const std::int64_t width = node.chunks * chunk_size;
+    const bool is_left = first / width % 2 == 0;
+    const auto sibling = nodes_.find(is_left ? first + width : first - width);
+    if (sibling == nodes_.end() || sibling->second.chunks != node.chunks) break;
+    if (is_left) {
+      node.sums.merge(sibling->second.sums);
+      node.last = sibling->second.last;
+    } else {
+      sibling->second.sums.merge(node.sums);
+      node.sums = std::move(sibling->second.sums);
+      first = sibling->first;
+    }
+    node.chunks *= 2;
+    nodes_.erase(sibling);
+  }
+  nodes_.emplace(first, std::move(node));
+}
+
+void RunState::merge(const RunState& other) {
+  for (const auto& [first, node] : other.nodes_) insert(first, node);
+  extremes.merge(other.extremes);
+}
+
+std::int64_t RunState::first() const { return nodes_.empty() ? 0 : nodes_.begin()->first; }
+
+std::int64_t RunState::last() const { return nodes_.empty() ? 0 : nodes_.rbegin()->second.last; }
+
+bool RunState::contiguous() const {
+  std::int64_t position = first();
+  for (const auto& [begin, node] : nodes_) {
+    const bool cut = begin != first() && begin % chunk_size != 0;
+    if (begin != position || cut) return false;
+    position = node.last;
+  }
+  return true;
+}
+
+Accumulator RunState::total() const {
+  Accumulator sums;
+  for (const auto& [begin, node] : nodes_) sums.merge(node.sums);
+  return sums;
+}
+
+Interval Statistics::interval(double confidence, std::size_t component) const {
+  if (!(confidence > 0 && confidence < 1)) {
+    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
+                                " (must lie in (0, 1)); 0.95 is usual");
+  }
+  const ComponentEstimate& c = components.at(component);
+  const double half_width = -normal_quantile((1 - confidence) / 2) * c.standard_error;
+  return {c.mean - half_width, c.mean + half_width, confidence};
+}
+
+double Statistics::efficiency() const {
+  double variance = 0;
+  for (const ComponentEstimate& c : components) variance += c.variance;
+  return static_cast<double>(samples) / (variance * seconds);
+}
+
+namespace {
+
+std::string format(const char* pattern, double x) {
+  char text[64];
+  std::snprintf(text, sizeof text, pattern, x);
+  return text;
+}
+
+}  // namespace
+
+std::string with_error(double mean, double standard_error) {
+  if (!std::isfinite(mean) || !std::isfinite(standard_error)) {
+    return format("%.6g", mean) + " +- " + format("%.2g", standard_error);
+  }
+  if (standard_error <= 0) return format("%.15g", mean) + "(0)";
+  // Rounded before anything is decided: 0.0996 has the two digits 1.0e-01. The second one stands for 10^last.
+  const std::string error = format("%.1e", standard_error);
+  const int last = std::stoi(error.substr(error.find('e') + 1)) - 1;
+  if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
+    return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
+  }
+  const double rounded = std::stod(error);
+  char text[64];
+  if (last >= 0) {
+    const double unit = std::pow(10.0, last);
+    std::snprintf(text, sizeof text, "%.0f(%.0f)", std::round(mean / unit) * unit, rounded);
+  } else if (last == -1) {  // the error straddles the decimal point and shows it
+    std::snprintf(text, sizeof text, "%.1f(%.1f)", mean, rounded);
+  } else {
+    std::snprintf(text, sizeof text, "%.*f(%c%c)", -last, mean, error[0], error[2]);
+  }
+  return text;
+}
+
+std::ostream& operator<<(std::ostream& out, const Statistics& s) {
+  const auto line = [&out](const char* name, const std::string& text) {
+    out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
+  };
+  for (std::size_t i = 0; i < s.components.size(); ++i) {
+    const ComponentEstimate& c = s.components[i];
+    const Interval interval = s.interval(0.95, i);
+    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
+                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]");
+  }
+  line("estimator", s.estimator);
+  line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
+                      (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
+  line("work", format("%.4g", s.work) + " (" + format("%.4g", s.work_per_sample()) + " per sample)");
+  line("seconds", format("%.3g", s.seconds));
+  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample)");
+  for (const std::string& warning : s.warnings) line("warning", warning);
+  return out;
+}
+
+}  // namespace debias
