@@ -1,0 +1,64 @@
+#pragma once
+
+// A law chosen at run time, from the command line or by a recipe.
+//
+//   geometric:r=0.6   geometric:theta=1.3   zeta:s=2.5   poisson:lambda=3   tabulated:0.5,0.3,0.2;tail=0.4
+//
+// spec() gives such a text, with the digits that parse() reads back as the identical law, bit for bit. A new
+// law joins the variant here, and the table of forms and parse() in any.cpp. Per sample the dispatch is one
+// switch.
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+
+#include <debias/core/pmf.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/pmf/poisson.hpp>
+#include <debias/pmf/tabulated.hpp>
+#include <debias/pmf/zeta.hpp>
+
+namespace debias {
+
+class AnyPmf {
+ public:
+  using Law = std::variant<Geometric, Zeta, Poisson, Tabulated>;
+
+  /// What can be written on the command line, for a list of laws.
+  struct Form {
+    std::string_view name;
+    std::string_view example;
+    std::string_view formula;
+  };
+  static std::span<const Form> forms();
+
+  AnyPmf(Law law) : law_(std::move(law)) {}
+
+  /// Throws std::invalid_argument that names what is wrong with the text, with the nearest name where one is
+  /// close, or what is wrong with the parameters of the law.
+  static AnyPmf parse(std::string_view text);
+
+  double mass(std::int64_t j) const {
+    return std::visit([j](const auto& law) { return law.mass(j); }, law_);
+  }
+  double tail(std::int64_t j) const {
+    return std::visit([j](const auto& law) { return law.tail(j); }, law_);
+  }
+  std::int64_t sample(double u) const {
+    return std::visit([u](const auto& law) { return law.sample(u); }, law_);
+  }
+  TailExponent tail_exponent() const {
+    return std::visit([](const auto& law) { return law.tail_exponent(); }, law_);
+  }
+  std::string spec() const {
+    return std::visit([](const auto& law) { return law.spec(); }, law_);
+  }
+
+ private:
+  Law law_;
+};
+
+}  // namespace debias

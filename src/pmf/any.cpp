@@ -1,0 +1,123 @@
+#include <debias/pmf/any.hpp>
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "core/text.hpp"
+
+namespace debias {
+namespace {
+
+constexpr std::array<AnyPmf::Form, 4> all_forms{{
+    {"geometric", "geometric:r=0.6 or geometric:theta=1.3", "r (1-r)^j, r = 1 - 2^-theta"},
+    {"zeta", "zeta:s=2.5", "(j+1)^-s / zeta(s)"},
+    {"poisson", "poisson:lambda=3", "exp(-lambda) lambda^j / j!"},
+    {"tabulated", "tabulated:0.5,0.3,0.2;tail=0.4", "masses as listed, then ratio tail for ever"},
+}};
+
+/// One law's text: what it is called, what stands behind the colon, and how its complaints end.
+struct Spec {
+  std::string_view name;
+  std::string_view parameters;
+  std::string_view example;
+
+  [[noreturn]] void refuse(const std::string& problem, const std::string& hint = "") const {
+    throw std::invalid_argument(std::string(name) + ": " + problem +
+                                (hint.empty() ? "; write " + std::string(example) : hint));
+  }
+};
+
+/// Cuts `text` at the first of `separators`: returns what stands before, leaves what follows, or nothing.
+std::string_view cut(std::optional<std::string_view>& text, std::string_view separators) {
+  const std::string_view whole = *text;
+  const std::size_t at = whole.find_first_of(separators);
+  text = at == whole.npos ? std::nullopt : std::optional(whole.substr(at + 1));
+  return whole.substr(0, at);
+}
+
+struct Parameter {
+  std::string_view key;
+  double value;
+};
+
+/// The one `key=value` of a law; several keys are ways to say the same, so a second one is refused.
+Parameter read_parameter(const Spec& spec, std::string_view text, std::span<const std::string_view> keys) {
+  std::optional<Parameter> found;
+  std::optional<std::string_view> rest = text;
+  while (rest) {
+    const std::string_view item = cut(rest, ",;");
+    const std::size_t equals = item.find('=');
+    if (equals == item.npos) spec.refuse("'" + std::string(item) + "' (not of the form key=value)");
+    const std::string_view key = item.substr(0, equals);
+    bool known = false;
+    for (const std::string_view k : keys) known = known || k == key;
+    if (!known) spec.refuse("'" + std::string(key) + "' (no such parameter)", suggestion(key, keys));
+    if (found && found->key == key) spec.refuse("'" + std::string(key) + "' (given twice)");
+    if (found) {
+      spec.refuse("'" + std::string(found->key) + "' and '" + std::string(key) + "' (one of them is enough)");
+    }
+    const std::string what = std::string(spec.name) + ": " + std::string(key);
+    found = Parameter{key, parse_double(item.substr(equals + 1), what)};
+  }
+  return *found;
+}
+
+AnyPmf parse_geometric(const Spec& spec) {
+  static constexpr std::string_view keys[] = {"r", "theta"};
+  const Parameter p = read_parameter(spec, spec.parameters, keys);
+  return AnyPmf(p.key == "r" ? Geometric(p.value) : Geometric::with_exponent(p.value));
+}
+
+AnyPmf parse_zeta(const Spec& spec) {
+  static constexpr std::string_view keys[] = {"s"};
+  return AnyPmf(Zeta(read_parameter(spec, spec.parameters, keys).value));
+}
+
+AnyPmf parse_poisson(const Spec& spec) {
+  static constexpr std::string_view keys[] = {"lambda"};
+  return AnyPmf(Poisson(read_parameter(spec, spec.parameters, keys).value));
+}
+
+AnyPmf parse_tabulated(const Spec& spec) {
+  static constexpr std::string_view keys[] = {"tail"};
+  std::optional<std::string_view> rest = spec.parameters;
+  std::optional<std::string_view> list = cut(rest, ";");
+  if (!rest) spec.refuse("no tail (the ratio of neighbouring masses beyond the table)");
+  std::vector<double> masses;
+  while (list) {
+    masses.push_back(parse_double(cut(list, ","), "tabulated: mass " + std::to_string(masses.size())));
+  }
+  return AnyPmf(Tabulated(std::move(masses), read_parameter(spec, *rest, keys).value));
+}
+
+}  // namespace
+
+std::span<const AnyPmf::Form> AnyPmf::forms() { return all_forms; }
+
+AnyPmf AnyPmf::parse(std::string_view text) {
+  std::optional<std::string_view> rest = text;
+  const std::string_view name = cut(rest, ":");
+  std::array<std::string_view, all_forms.size()> names;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    names[i] = all_forms[i].name;
+    if (names[i] != name) continue;
+    const Spec spec{name, rest.value_or(""), all_forms[i].example};
+    if (spec.parameters.empty()) spec.refuse("no parameters");
+    if (name == "geometric") return parse_geometric(spec);
+    if (name == "zeta") return parse_zeta(spec);
+    if (name == "poisson") return parse_poisson(spec);
+    return parse_tabulated(spec);
+  }
+  std::string hint = suggestion(name, names);
+  if (hint.empty()) {
+    hint = "; write one of";
+    for (const AnyPmf::Form& form : all_forms) hint += " " + std::string(form.name);
+  }
+  throw std::invalid_argument("law '" + std::string(text) + "' (no law is called '" + std::string(name) +
+                              "')" + hint);
+}
+
+}  // namespace debias
