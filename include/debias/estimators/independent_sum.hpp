@@ -1,0 +1,82 @@
+#pragma once
+
+// Independent-sum debiasing: all levels up to a random one, each weighted by the probability of reaching it.
+//
+//   Z = I_m + sum_{j=1}^{J} D_(m+j) / P(J' >= j),   J ~ law, all D independent      [Rhee & Glynn 2015, section 2]
+//
+//   Notation: m = base_level, P(J' >= j) = law.tail(j).
+// E Z = I for every law that reaches every level with a difference that is not zero, if sum E|D_k| < infinity.
+// Variance and work are finite under the conditions of single_term; the weights are smaller (tails, not
+// masses), and one sample pays for every level below its deepest.
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/pmf.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/estimators/common.hpp>
+#include <debias/pmf/geometric.hpp>
+
+namespace debias {
+
+struct IndependentSumOptions {
+  std::int64_t base_level = 0;
+};
+
+template <BiasedSequence S, Pmf P>
+class IndependentSum {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  /// Throws std::invalid_argument for a negative base level.
+  IndependentSum(S sequence, P law, const IndependentSumOptions& options)
+      : sequence_(std::move(sequence)), law_(std::move(law)), base_level_(options.base_level) {
+    detail::check_base_level("independent_sum", base_level_);
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    Stream law_stream = split(rng, Branch::law);
+    const std::int64_t deepest = base_level_ + law_.sample(law_stream.uniform());
+    Stream base_stream = split_level(rng, base_level_);
+    auto base = value_of(sequence_, base_level_, base_stream);
+    record.base(base_level_, as_scalar(base.value), base.work);
+    Sample<value_type> sample{std::move(base.value), base.work, deepest};
+    for (std::int64_t level = base_level_ + 1; level <= deepest; ++level) {
+      Stream level_stream = split_level(rng, level);
+      auto term = difference_of(sequence_, level, level_stream);
+      record.difference(level, as_scalar(term.value), term.work);
+      const double weight = inverse_weight(law_.tail(level - base_level_), level);
+      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.work += term.work;
+    }
+    return sample;
+  }
+
+  [[nodiscard]] const P& law() const { return law_; }
+  [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", law_, base_level_); }
+
+ private:
+  S sequence_;
+  P law_;
+  std::int64_t base_level_;
+};
+
+/// Independent-sum estimator of the limit of `sequence`; `law` is that of the number of levels above the base.
+template <BiasedSequence S, Pmf P>
+IndependentSum<S, P> independent_sum(S sequence, P law, const IndependentSumOptions& options = {}) {
+  return {std::move(sequence), std::move(law), options};
+}
+
+/// The same with the law that the declared rates of the sequence ask for.
+/// Throws std::invalid_argument when there is none, or when it is not geometric.
+template <BiasedSequence S>
+  requires DeclaresRates<S>
+IndependentSum<S, Geometric> independent_sum(S sequence, const IndependentSumOptions& options = {}) {
+  const Rates rates = sequence.rates;
+  return {std::move(sequence), detail::default_law(rates), options};
+}
+
+}  // namespace debias

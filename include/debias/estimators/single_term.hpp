@@ -1,0 +1,114 @@
+#pragma once
+
+// Single-term debiasing: one random level, one coupled difference, weighted by its probability.
+//
+//   Base::always   Z = I_m + D_N / p(N - m - 1),  N = m + 1, m + 2, ...          [Misso et al. 2022]
+//   Base::drawn    Z = D_N / p(N - m),  N = m, m + 1, ..., D_m read as I_m       [Rhee & Glynn 2015 (2)]
+//
+//   Notation: m = base_level, p = law.mass, D_k = difference of level k.
+// E Z = I for every law that is positive wherever a difference is not zero, if sum E|D_k| < infinity. The
+// variance, sum E D_k^2 / p_k, and the work, sum work_k p_k, are finite only if the law fits the sequence
+// (core/rates.hpp). Base::drawn saves a base that is expensive, at the price of the variance of choosing it.
+// A sequence that offers `shared` gives base and difference from one draw: less work and a far quieter base.
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/pmf.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/estimators/common.hpp>
+#include <debias/pmf/geometric.hpp>
+
+namespace debias {
+
+/// Whether every sample evaluates the base, or the base is one outcome of the law.
+enum class Base { always, drawn };
+
+struct SingleTermOptions {
+  std::int64_t base_level = 0;
+  Base base = Base::always;
+};
+
+template <BiasedSequence S, Pmf P>
+class SingleTerm {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  /// Throws std::invalid_argument for a negative base level.
+  SingleTerm(S sequence, P law, const SingleTermOptions& options)
+      : sequence_(std::move(sequence)), law_(std::move(law)), options_(options) {
+    detail::check_base_level("single_term", options.base_level);
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    Stream law_stream = split(rng, Branch::law);
+    return draw(first_level() + law_.sample(law_stream.uniform()), rng, record);
+  }
+
+  /// The sample that a draw of `level` from the law gives.
+  template <Record R>
+  Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
+    const double weight = inverse_weight(law_.mass(level - first_level()), level);
+    const std::int64_t m = options_.base_level;
+    Stream level_stream = split_level(rng, level);
+    if (options_.base == Base::drawn) {
+      auto term = level == m ? value_of(sequence_, level, level_stream)
+                             : difference_of(sequence_, level, level_stream);
+      level == m ? record.base(m, as_scalar(term.value), term.work)
+                 : record.difference(level, as_scalar(term.value), term.work);
+      return {scaled(std::move(term.value), weight), term.work, level};
+    }
+    if constexpr (OffersSharedBase<S>) {
+      auto both = sequence_.shared(level, m, level_stream);
+      record.base(m, as_scalar(both.base), 0.0);
+      record.difference(level, as_scalar(both.difference), both.work);
+      return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
+    } else {
+      Stream base_stream = split_level(rng, m);
+      auto base = value_of(sequence_, m, base_stream);
+      auto term = difference_of(sequence_, level, level_stream);
+      record.base(m, as_scalar(base.value), base.work);
+      record.difference(level, as_scalar(term.value), term.work);
+      return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+    }
+  }
+
+  [[nodiscard]] const P& law() const { return law_; }
+  [[nodiscard]] const S& sequence() const { return sequence_; }
+
+  [[nodiscard]] std::string describe() const {
+    return detail::describe(options_.base == Base::drawn ? "single_term, base drawn" : "single_term", law_,
+                            options_.base_level);
+  }
+
+ private:
+  // The level that outcome 0 of the law stands for.
+  [[nodiscard]] std::int64_t first_level() const {
+    return options_.base_level + (options_.base == Base::always ? 1 : 0);
+  }
+
+  S sequence_;
+  P law_;
+  SingleTermOptions options_;
+};
+
+/// Single-term estimator of the limit of `sequence` with levels drawn from `law`.
+template <BiasedSequence S, Pmf P>
+SingleTerm<S, P> single_term(S sequence, P law, const SingleTermOptions& options = {}) {
+  return {std::move(sequence), std::move(law), options};
+}
+
+/// The same with the law that the declared rates of the sequence ask for.
+/// Throws std::invalid_argument when there is none, or when it is not geometric.
+template <BiasedSequence S>
+  requires DeclaresRates<S>
+SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
+  const Rates rates = sequence.rates;
+  return {std::move(sequence), detail::default_law(rates), options};
+}
+
+}  // namespace debias
