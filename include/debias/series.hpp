@@ -1,0 +1,205 @@
+#pragma once
+
+// Infinite series: I = sum_(k >= 0) a_k, one term a level.
+//
+//   I_k = a_0 + ... + a_k,  D_k = a_k   (exact, never the difference of two partial sums)   [McLeish 2011]
+//
+//   Notation: a_k = term(k), or the mean of term(k, stream). Random terms of one stream are independent, and
+//   term k is the same number whichever others are drawn.
+// Assumes sum E|term k| < infinity; an alternating series may have it only when `paired`. A term on its own
+// costs 1 whatever k, a path of terms (roulette) all of them.
+// Fails where a_k falls like a power of k and the law is geometric: unit increments then have infinite
+// variance, sum E a_k^2 / p_k, and no sample shows it. Declare `polynomial_terms` and take a zeta law.
+// Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include <debias/core/sequence.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/core/value.hpp>
+
+namespace debias {
+
+namespace detail {
+
+template <class T>
+concept PlainTerm = requires(const T& term, std::int64_t k) {
+  requires Value<std::remove_cvref_t<decltype(term(k))>>;
+};
+template <class T>
+concept RandomTerm = requires(const T& term, std::int64_t k, Stream& rng) {
+  requires Value<std::remove_cvref_t<decltype(term(k, rng))>>;
+};
+
+}  // namespace detail
+
+/// The terms of a series: `term(k)`, or `term(k, rng)` for random ones; k = 0, 1, ...
+template <class T>
+concept SeriesTerm = detail::PlainTerm<T> || detail::RandomTerm<T>;
+
+namespace detail {
+
+template <SeriesTerm T>
+auto evaluate_term(const T& term, std::int64_t k, const Stream& rng) {
+  if constexpr (RandomTerm<T>) {
+    Stream own = rng.split(static_cast<std::uint64_t>(k));
+    return term(k, own);
+  } else {
+    return term(k);
+  }
+}
+
+}  // namespace detail
+
+/// A TermSequence, and a BiasedSequence whose levels are single terms. The caller's stream stays where it is.
+template <SeriesTerm T>
+class Series {
+ public:
+  using value_type =
+      decltype(detail::evaluate_term(std::declval<const T&>(), 0, std::declval<const Stream&>()));
+
+  explicit Series(T term, double work_per_term = 1) : term_(std::move(term)), work_(work_per_term) {}
+
+  /// Yields the terms in order; the series has to outlive it.
+  class Cursor {
+   public:
+    Cursor(const Series& series, const Stream& rng) : series_(&series), rng_(rng) {}
+    Term<value_type> operator()() { return series_->difference_at(k_++, rng_); }
+
+   private:
+    const Series* series_;
+    Stream rng_;
+    std::int64_t k_ = 0;
+  };
+
+  Cursor operator()(const Stream& rng) const { return {*this, rng}; }
+
+  /// Term `level` alone.
+  Term<value_type> difference_at(std::int64_t level, const Stream& rng) const {
+    return {detail::evaluate_term(term_, level, rng), work_};
+  }
+
+  /// The sum of the terms 0 ... level.
+  Term<value_type> value_at(std::int64_t level, const Stream& rng) const {
+    auto draw = (*this)(level, rng);
+    return {std::move(draw.value), draw.work};
+  }
+
+  /// Both, from the same terms.
+  Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
+    value_type term = detail::evaluate_term(term_, 0, rng);
+    value_type partial = term;
+    for (std::int64_t k = 1; k <= level; ++k) {
+      term = detail::evaluate_term(term_, k, rng);
+      partial = sum(std::move(partial), term);
+    }
+    return {std::move(partial), std::move(term), work_ * (static_cast<double>(level) + 1)};
+  }
+
+  [[nodiscard]] const T& terms() const { return term_; }
+  [[nodiscard]] double work_per_term() const { return work_; }
+
+ private:
+  T term_;
+  double work_;
+};
+
+/// A series that declares how its terms fall.
+template <SeriesTerm T>
+class RatedSeries : public Series<T> {
+ public:
+  RatedSeries(T term, const Rates& declared, double work_per_term = 1)
+      : Series<T>(std::move(term), work_per_term), rates(declared) {}
+  Rates rates;
+};
+
+/// The series of the given terms; a law has to be named.
+template <SeriesTerm T>
+Series<T> series(T term) {
+  return Series<T>(std::move(term));
+}
+
+/// The series of the given terms with their rates: `series(term, geometric_terms(0.5))`.
+template <SeriesTerm T>
+RatedSeries<T> series(T term, const Rates& rates) {
+  return {std::move(term), rates};
+}
+
+/// Terms that fall like ratio^k: E a_k^2 ~ 2^(-beta k) with beta = -2 log2|ratio|.
+/// Throws std::invalid_argument unless |ratio| < 1.
+inline Rates geometric_terms(double ratio) {
+  if (!(std::abs(ratio) < 1)) {
+    throw std::invalid_argument("geometric_terms: ratio = " + std::to_string(ratio) +
+                                " (must lie in (-1, 1)); a series that diverges has no sum to estimate");
+  }
+  return {-2 * std::log2(std::abs(ratio)), 0};
+}
+
+/// Terms that fall like k^-exponent. Only above 1 has some law finite variance and finite work.
+/// Throws std::invalid_argument unless exponent > 0.
+inline Rates polynomial_terms(double exponent) {
+  if (!(exponent > 0)) {
+    throw std::invalid_argument("polynomial_terms: exponent = " + std::to_string(exponent) +
+                                " (must be positive: a_k ~ k^-exponent has to fall)");
+  }
+  return {2 * exponent, 0, Decay::polynomial};
+}
+
+/// Terms that fall faster than any geometric series, like 1 / k!.
+inline constexpr Rates factorial_terms{Rates::faster_than_any, 0};
+
+namespace detail {
+
+template <SeriesTerm T>
+struct PairOfTerms {
+  T term;
+
+  auto operator()(std::int64_t k) const requires(!RandomTerm<T>) {
+    return sum(term(first_of(k)), term(first_of(k) + 1));
+  }
+
+  auto operator()(std::int64_t k, const Stream& rng) const requires RandomTerm<T> {
+    auto first = evaluate_term(term, first_of(k), rng);
+    return sum(std::move(first), evaluate_term(term, first_of(k) + 1, rng));
+  }
+
+  static std::int64_t first_of(std::int64_t k) {
+    if (k > std::numeric_limits<std::int64_t>::max() / 2) {
+      throw std::length_error("paired: pair " + std::to_string(k) +
+                              " has terms beyond 2^63; take a law that falls faster");
+    }
+    return 2 * k;
+  }
+};
+
+}  // namespace detail
+
+/// The series of a_(2k) + a_(2k+1), with work 2. Neighbours of an alternating series nearly cancel: terms
+/// like k^-s become k^-(s+1). A pair is rounded like its larger term; a formula for it, if known, is better.
+template <SeriesTerm T>
+auto paired(const Series<T>& s) {
+  using Pair = detail::PairOfTerms<T>;
+  return Series<Pair>(Pair{s.terms()}, 2 * s.work_per_term());
+}
+
+/// The same with rates for a smoothly alternating series. Random terms are independent, their noise does not
+/// cancel: k^-s stays k^-s.
+template <SeriesTerm T>
+auto paired(const RatedSeries<T>& s) {
+  using Pair = detail::PairOfTerms<T>;
+  Rates rates = s.rates;
+  if (rates.decay == Decay::geometric) {
+    rates.variance *= 2;
+  } else if (!detail::RandomTerm<T>) {
+    rates.variance += 2;
+  }
+  return RatedSeries<Pair>(Pair{s.terms()}, rates, 2 * s.work_per_term());
+}
+
+}  // namespace debias
