@@ -1,0 +1,46 @@
+#pragma once
+
+// Nested expectations E f(E[X | Y]): the doubling of function_of_mean.hpp given Y.
+//
+//   I_k = f(mean of 2^k draws of X given one Y),  D_k = I_k - (f(mean of even) + f(mean of odd draws)) / 2
+//   work = 2^k + 1: the inner draws and the outer one
+//
+// E D_k^2 ~ 2^(-2k) for smooth f and four moments. A kink of f inside the range of E[X | Y] has {1.5, 1} and
+// a kurtosis that grows like 2^(k/2): declare it (the value of information, a maximum over decisions, is
+// such a kink). A jump has {0.5, 1}: no law with finite variance and finite work.
+// Source: Giles, "Multilevel Monte Carlo methods", Acta Numerica 24 (2015).
+
+#include <cstdint>
+#include <utility>
+
+#include <debias/core/sequence.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/function_of_mean.hpp>
+
+namespace debias {
+
+namespace detail {
+
+/// Independent draws of X given one Y, which is drawn first.
+template <class Outer, class Inner>
+struct ConditionalPoints {
+  Outer outer;
+  Inner inner;
+  static constexpr double scale = 1;
+  static constexpr double extra_work = 1;
+
+  auto points(std::int64_t /*level*/, Stream& rng) const {
+    return [this, &rng, y = outer(rng)](std::int64_t /*i*/) { return inner(y, rng); };
+  }
+};
+
+}  // namespace detail
+
+/// `outer(rng)` draws Y, of any type; `inner(y, rng)` draws X given Y = y, a Value; `f(mean)` is a Value.
+template <class Outer, class Inner, class F>
+auto nested(Outer outer, Inner inner, F f, const Rates& rates = {2, 1}) {
+  using P = detail::ConditionalPoints<Outer, Inner>;
+  return Doubling<P, F>(P{std::move(outer), std::move(inner)}, std::move(f), rates);
+}
+
+}  // namespace debias

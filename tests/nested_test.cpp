@@ -1,0 +1,134 @@
+#include <debias/nested.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <debias/core/accumulator.hpp>
+#include <debias/functions.hpp>
+
+#include "catch_shim.hpp"
+#include "laws/sequence_laws.hpp"
+
+using namespace debias;
+using laws::Failures;
+using laws::sequence_laws;
+
+namespace {
+
+const auto normal = [](Stream& rng) { return rng.normal(); };
+const auto around = [](double y, Stream& rng) { return y + rng.normal(); };
+
+/// The largest |z| of the means of I_k, D_k and D_k^2.
+template <class S>
+double worst_z(const S& s, std::int64_t level, int n, double value, double difference, double square) {
+  std::vector<double> values;
+  std::vector<double> differences;
+  std::vector<double> squares;
+  for (int i = 0; i < n; ++i) {
+    Stream rng = split_level(Stream(61, static_cast<std::uint64_t>(i)), level);
+    const auto draw = s(level, rng);
+    values.push_back(draw.value);
+    differences.push_back(draw.difference);
+    squares.push_back(draw.difference * draw.difference);
+  }
+  const auto z = [](const std::vector<double>& xs, double truth) {
+    const Moments m = Moments::of(xs);
+    return std::abs(m.mean - truth) / m.standard_error();
+  };
+  return std::max({z(values, value), z(differences, difference), z(squares, square)});
+}
+
+}  // namespace
+
+TEST_CASE("the squared inner mean of the normal model has the closed-form moments of each level",
+          "[nested][statistical]") {
+  const auto f02 = nested(normal, around, functions::Square{});
+  for (std::int64_t k = 1; k <= 6; ++k) {
+    CAPTURE(k);
+    const double n = std::ldexp(1.0, static_cast<int>(k) - 1);  // draws in each half
+    CHECK(worst_z(f02, k, 40000, 1 + 0.5 / n, -0.5 / n, 0.75 / (n * n)) < 4.5);
+  }
+  // Power check: the moments of the level below, and an outer draw for each inner one (E I_k = 1 / n).
+  CHECK(worst_z(f02, 3, 40000, 1 + 0.5 / 4, -0.5 / 2, 0.75 / 4) > 4.5);
+  const auto not_nested =
+      function_of_mean([](Stream& rng) { return around(normal(rng), rng); }, functions::Square{});
+  CHECK(worst_z(not_nested, 3, 40000, 1 + 0.5 / 4, -0.5 / 4, 0.75 / 16) > 4.5);
+}
+
+TEST_CASE("nested expectations of smooth functions keep the laws of a sequence", "[nested][law]") {
+  const auto uniform = [](Stream& rng) { return rng.uniform(); };
+  CHECK(sequence_laws(nested(normal, around, functions::Square{})) == Failures{});            // F02
+  CHECK(sequence_laws(nested(uniform, around, functions::ExpMinus{})) == Failures{});         // F06
+  CHECK(sequence_laws(nested(normal, around, functions::Square{}, {1.5, 1})) != Failures{});  // power check
+}
+
+TEST_CASE("a kink inside the range of the inner mean has the rates {1.5, 1}", "[nested][law]") {
+  const auto f01 = nested(normal, around, functions::PositivePart{}, {1.5, 1});
+  CHECK(sequence_laws(f01, {.last = 8, .samples = 8192, .rates_from = 3}) == Failures{});
+
+  // Power check: a kink declared smooth.
+  const auto declared_smooth = nested(normal, around, functions::PositivePart{});
+  CHECK(sequence_laws(declared_smooth, {.last = 8, .samples = 8192, .rates_from = 3}) != Failures{});
+}
+
+TEST_CASE("level means approach the nested expectation", "[nested][statistical]") {
+  const auto mean_at = [](const auto& s, std::int64_t level) {
+    std::vector<double> values;
+    for (std::uint64_t i = 0; i < 20000; ++i) {
+      Stream rng(62, i);
+      values.push_back(s.value_at(level, rng).value);
+    }
+    return Moments::of(values);
+  };
+  // F01: the mean of n draws given Y is N(0, 1 + 1/n), so that E I_k = sqrt((1 + 1/n) / (2 pi)) exactly.
+  const auto f01 = nested(normal, around, functions::PositivePart{}, {1.5, 1});
+  const Moments at_five = mean_at(f01, 5);
+  const double exact = std::sqrt((1 + 1 / 32.0) / (2 * std::numbers::pi));
+  CHECK(std::abs(at_five.mean - exact) < 4.5 * at_five.standard_error());
+  // Power check: the level with one draw.
+  CHECK(std::abs(mean_at(f01, 0).mean - exact) > 4.5 * at_five.standard_error());
+}
+
+TEST_CASE("one outer draw serves all inner draws of a level, and the work counts it", "[nested][exact]") {
+  struct Patient {
+    std::string name;
+    double dose;
+  };
+  const auto outer = [](Stream& rng) {
+    return Patient{"a name that does not fit a small string", rng.uniform()};
+  };
+  const auto inner = [](const Patient& p, Stream&) { return p.dose; };
+  const auto s = nested(outer, inner, functions::Log{});
+  for (std::int64_t k = 0; k <= 4; ++k) {
+    Stream rng(63, 0);
+    Stream replay = rng;
+    const auto draw = s(k, rng);
+    CHECK(draw.value == Approx(std::log(replay.uniform())).epsilon(1e-15));
+    CHECK(draw.work == std::ldexp(1.0, static_cast<int>(k)) + 1);
+    if (k > 0) CHECK(draw.difference == 0);
+  }
+}
+
+TEST_CASE("inner draws may be vectors: a maximum over decisions", "[nested][law]") {
+  // The second term of F05: X is known before choosing between the payoffs 0 and X + Y.
+  const auto payoffs = [](double x, Stream& rng) { return Eigen::Array2d(0, x + rng.normal()); };
+  const auto best = [](const Eigen::Array2d& mean) { return mean.maxCoeff(); };
+  const auto s = nested(normal, payoffs, best, {1.5, 1});
+  CHECK(sequence_laws(s, {.last = 8, .samples = 8192, .rates_from = 3}) == Failures{});
+}
+
+TEST_CASE("a level beyond int64 throws before the outer draw", "[nested][exact]") {
+  const auto outer = [](Stream&) -> double { throw std::logic_error("drawn"); };
+  const auto s = nested(outer, around, functions::Square{});
+  Stream rng(64, 0);
+  CHECK_THROWS_AS(s(63, rng), std::length_error);
+  CHECK_THROWS_AS(s.shared(63, 0, rng), std::length_error);
+  CHECK_THROWS_AS(s(3, rng), std::logic_error);
+}
