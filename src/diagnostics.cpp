@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
+#include <stdexcept>
+
+#include <boost/math/distributions/students_t.hpp>
 
 namespace debias {
 namespace {
@@ -23,7 +27,122 @@ double tail_index(const Rates& rates, double rho) {
   return rho > 0 ? std::max(0.0, xi) : 0.0;
 }
 
+// P(work > t) ~ t^(-1/index).
+double work_tail_index(const Rates& rates, double rho) {
+  if (rates.work <= 0 || std::isinf(rho)) return 0;
+  const double steepness = rates.decay == Decay::geometric ? rho : rho - 1;
+  return steepness > 0 ? rates.work / steepness : std::numeric_limits<double>::infinity();
+}
+
+constexpr double confidence_of_rates = 2;  // standard errors
+
+// Is rho below the border?
+Finiteness finite_below(double rho, double border, double error) {
+  if (std::isinf(border) && border > 0) return Finiteness::finite;
+  if (rho + confidence_of_rates * error < border) return Finiteness::finite;
+  if (rho - confidence_of_rates * error >= border) return Finiteness::infinite;
+  return Finiteness::undecided;
+}
+
+Finiteness opposite(Finiteness f) {
+  if (f == Finiteness::undecided) return f;
+  return f == Finiteness::finite ? Finiteness::infinite : Finiteness::finite;
+}
+
+std::string with_error_of(const FittedRate& rate) {
+  std::ostringstream text;
+  text.precision(3);
+  text << rate.value;
+  if (!std::isinf(rate.value)) text << " +- " << rate.error;
+  return text.str();
+}
+
 }  // namespace
+
+MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
+  const Rates rates = rates_of(measured);
+  const double rho = exponent_beside(rates, law);
+  const bool polynomial = rates.decay == Decay::polynomial;
+  const double step = polynomial ? 1 : 0;
+  MeasuredVerdict v;
+  v.variance = finite_below(rho, measured.variance.value - step, measured.variance.error);
+  v.fourth_moment = finite_below(3 * rho, measured.fourth.value - step, measured.fourth.error);
+  if (v.variance != Finiteness::finite) v.fourth_moment = v.variance;
+  // A power law beside work that does not grow: every depth is paid for.
+  const bool flat = !polynomial && measured.work.value <= confidence_of_rates * measured.work.error;
+  v.work = flat && law.decay == Decay::polynomial
+               ? Finiteness::finite
+               : opposite(finite_below(rho, measured.work.value + step, measured.work.error));
+  v.tail_index = tail_index(rates, rho);
+  if (std::isfinite(rates.variance) && std::isfinite(rho) && rho > step) {
+    v.error = measured.variance.error / 2 / (rho - step);
+  }
+
+  std::ostringstream text;
+  text.precision(3);
+  text << "variance " << name_of(v.variance) << " (law exponent " << rho << ", threshold "
+       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work " << name_of(v.work)
+       << " (threshold " << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
+       << with_error_of({v.tail_index, v.error});
+  if (v.variance == Finiteness::infinite) {
+    text << ": the standard error is too small most of the time; take a law with a smaller exponent";
+  } else if (v.work == Finiteness::infinite) {
+    text << ": no run ends its expected work; take a law with a larger exponent";
+  } else if (v.variance == Finiteness::undecided || v.work == Finiteness::undecided) {
+    text << ": the rates are not known well enough; survey with more draws or deeper levels, or move the exponent away "
+            "from the threshold";
+  } else if (v.fourth_moment != Finiteness::finite) {
+    text << ": the fourth moment is " << name_of(v.fourth_moment) << ", so the standard error converges slowly";
+  }
+  v.sentence = text.str();
+  return v;
+}
+
+void BlockMeans::close() {
+  constexpr std::size_t capacity = 1024;
+  means_.push_back(sum_ / static_cast<double>(length_));
+  sum_ = 0;
+  filled_ = 0;
+  if (means_.size() < capacity) return;
+  for (std::size_t i = 0; i < capacity / 2; ++i) means_[i] = (means_[2 * i] + means_[2 * i + 1]) / 2;
+  means_.resize(capacity / 2);
+  length_ *= 2;
+}
+
+BiasedEstimate median_of_means(std::span<const double> values, double delta) {
+  if (!(delta > 0 && delta < 1)) {
+    throw std::invalid_argument("median_of_means: delta = " + std::to_string(delta) +
+                                " (must lie in (0, 1)); 0.05 is usual");
+  }
+  const auto groups = static_cast<std::size_t>(std::ceil(-8 * std::log(delta)));
+  if (values.size() < groups) {
+    throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) + " values (must be at least " +
+                                std::to_string(groups) + " for this delta)");
+  }
+  const std::size_t length = values.size() / groups;
+  std::vector<double> means;
+  for (std::size_t g = 0; g < groups; ++g) means.push_back(Moments::of(values.subspan(g * length, length)).mean);
+  std::sort(means.begin(), means.end());
+  return {(means[(groups - 1) / 2] + means[groups / 2]) / 2, static_cast<std::int64_t>(groups)};
+}
+
+Interval batch_interval(std::span<const double> batch_means, double confidence) {
+  if (!(confidence > 0 && confidence < 1)) {
+    throw std::invalid_argument("batch_interval: confidence = " + std::to_string(confidence) +
+                                " (must lie in (0, 1)); 0.95 is usual");
+  }
+  if (batch_means.size() < 2) {
+    throw std::invalid_argument("batch_interval: " + std::to_string(batch_means.size()) +
+                                " batches (must be at least 2); 20 to 100 are usual");
+  }
+  Moments moments;
+  for (std::size_t i = 0; i < batch_means.size(); i += 256) {
+    moments.merge(Moments::of(batch_means.subspan(i, std::min<std::size_t>(256, batch_means.size() - i))));
+  }
+  const boost::math::students_t law(static_cast<double>(batch_means.size() - 1));
+  const double half_width = -boost::math::quantile(law, (1 - confidence) / 2) * moments.standard_error();
+  return {moments.mean - half_width, moments.mean + half_width, confidence};
+}
 
 Verdict judge(const Rates& rates, const TailExponent& law) {
   const ExponentRange range = finite_exponents(rates);
@@ -33,6 +152,7 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
   // Beside geometric rates a power law reaches every depth too often, unless the work does not grow.
   v.finite_work = rho > range.low || (rates.decay == Decay::geometric && rates.work <= 0);
   v.tail_index = tail_index(rates, rho);
+  v.work_tail_index = work_tail_index(rates, rho);
 
   std::ostringstream text;
   text.precision(3);

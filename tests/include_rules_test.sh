@@ -5,14 +5,18 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 
 # What a file may include: one extended regular expression for each file, by its path without include/debias/
 # or src/ and without its suffix. A new module falls under the last line.
-no_runner='core/(stream|value|rates|sequence|pmf|estimator|accumulator)'
+no_runner='core/(stream|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
     core/*) echo 'core/.*' ;;
     pmf/any) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
-    taylor | function_of_mean) echo "$no_runner|series" ;;
+    function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;
+    taylor | taylor/*) echo "$no_runner|taylor/(terms|sum)" ;;
+    functions) echo "$no_runner|power_series" ;;
+    linear_operators) echo "$no_runner|series" ;;
+    sde | sde/*) echo "$no_runner|sde/(scalar|summaries|vector)" ;;
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal | transmittance) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     survey | diagnostics) echo 'core/.*' ;;

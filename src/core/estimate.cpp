@@ -85,7 +85,7 @@ Statistics finish(std::string estimator, std::uint64_t seed, double seconds, Run
     if (l.count == 0) return;
     const auto count = static_cast<double>(l.count);
     s.levels.push_back({levels.first, levels.second, is_base, l.count, l.difference / count, l.square / count,
-                        l.fourth / count, l.work / count});
+                        l.fourth / count, l.work / count, 0.0});
   };
   add_row({sums.levels.base_level(), sums.levels.base_level()}, true, sums.levels.base());
   for (std::size_t i = 0; i < sums.levels.rows().size(); ++i) {
@@ -236,6 +236,14 @@ Statistics merge(const Statistics& a, const Statistics& b) {
            ") do not meet at a multiple of 4096; choose `first` and `samples` so");
   }
   Statistics statistics = finish(a.estimator, a.seed, a.seconds + b.seconds, std::move(state));
+  statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;
+  for (LevelRow& row : statistics.levels) {
+    for (const Statistics* part : {&a, &b}) {
+      for (const LevelRow& known : part->levels) {
+        if (known.level == row.level && known.is_base == row.is_base) row.probability = known.probability;
+      }
+    }
+  }
   add_warnings(statistics);
   return statistics;
 }

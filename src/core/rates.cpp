@@ -17,7 +17,10 @@ bool law_exists(const Rates& rates) {
   return range.low < range.high;
 }
 
-double default_exponent(const Rates& rates) {
+namespace {
+
+// `fourth` is the decay of E D^4.
+double exponent_below(const Rates& rates, double fourth) {
   const ExponentRange range = finite_exponents(rates);
   if (!(range.low < range.high)) {
     std::ostringstream text;
@@ -29,9 +32,15 @@ double default_exponent(const Rates& rates) {
   }
   if (std::isinf(range.high)) return range.low + 1;
   const double best = (rates.variance + rates.work) / 2;
-  // 2^(3 rho k) 2^(-2 beta k), or k^(3 rho) k^(-2 beta), must be summable.
-  const double fourth = rates.decay == Decay::geometric ? 2 * rates.variance / 3 : (2 * rates.variance - 1) / 3;
-  return fourth > range.low ? std::min(best, range.low + 0.9 * (fourth - range.low)) : best;
+  // 2^(3 rho k) 2^(-fourth k), or k^(3 rho) k^(-fourth), must be summable.
+  const double bound = rates.decay == Decay::geometric ? fourth / 3 : (fourth - 1) / 3;
+  return bound > range.low ? std::min(best, range.low + 0.9 * (bound - range.low)) : best;
 }
+
+}  // namespace
+
+double default_exponent(const Rates& rates) { return exponent_below(rates, 2 * rates.variance); }
+
+double default_exponent(const MeasuredRates& m) { return exponent_below(rates_of(m), m.fourth.value); }
 
 }  // namespace debias

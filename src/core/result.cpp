@@ -119,12 +119,16 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   const auto line = [&out](const char* name, const std::string& text) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
   };
+  const RunVerdict verdict = s.verdict();
+  const bool has_verdict = s.nonfinite == 0 && s.samples > 1;
+  const char* doubt = has_verdict && !verdict.interval_reliable() ? " (unreliable, see verdict)" : "";
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     const ComponentEstimate& c = s.components[i];
     const Interval interval = s.interval(0.95, i);
     line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
-                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]");
+                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt);
   }
+  if (s.bias_bound.size > 0) line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
   line("estimator", s.estimator);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
@@ -132,6 +136,12 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   line("seconds", format("%.3g", s.seconds));
   line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample)");
   for (const std::string& warning : s.warnings) line("warning", warning);
+  if (!has_verdict) return out;
+  const char* name = "verdict";
+  for (const std::string& sentence : verdict.sentences()) {
+    line(name, sentence);
+    name = "";
+  }
   return out;
 }
 

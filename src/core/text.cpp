@@ -53,8 +53,10 @@ struct Count {
 
 Count read_count(std::string_view text) {
   if (text.empty()) return {0, "empty"};
-  if (text[0] == '-') return {0, "must not be negative"};
-  if (text[0] == '+') return {0, "a sign"};
+  if (text.size() > 1 && is_digit(text[1])) {
+    if (text[0] == '-') return {0, "must not be negative"};
+    if (text[0] == '+') return {0, "a sign"};
+  }
   std::string_view rest = text;
   std::string digits = take_digits(rest);
   if (digits.empty()) return {0, "not a number"};
@@ -123,7 +125,8 @@ double parse_double(std::string_view text, std::string_view what) {
   return x;
 }
 
-std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low, std::uint64_t high) {
+std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low,
+                          std::uint64_t high) {
   Count count = read_count(text);
   if (count.wrong.empty() && low <= count.value && count.value <= high) return count.value;
   const std::string range = std::to_string(low) + " ... " + std::to_string(high);

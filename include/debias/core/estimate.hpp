@@ -16,6 +16,7 @@
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
+#include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
@@ -45,6 +46,12 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
                       recorder.add(draw_sample(estimator, rng, recorder));
                     }
                   });
+  if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
+  if constexpr (KnowsProbabilities<E>) {
+    for (LevelRow& row : statistics.levels) {
+      if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
+    }
+  }
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again

@@ -77,6 +77,12 @@ using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::dec
                                               std::declval<NullRecord&>())
                                       .value);
 
+/// An estimator that knows by which probability it divides the difference of a level.
+template <class E>
+concept KnowsProbabilities = requires(const E& e, std::int64_t level) {
+  { e.probability(level) } -> std::same_as<double>;
+};
+
 /// What an estimator calls itself, law and base level included; results of different names do not merge.
 template <Estimator E>
 std::string description(const E& e) {

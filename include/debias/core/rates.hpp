@@ -30,6 +30,31 @@ struct Rates {
   static constexpr double faster_than_any = std::numeric_limits<double>::infinity();
 };
 
+/// What a measurement of level moments can say of their decay: a power of 2 or of the level, differences that are
+/// exactly zero from some level on, or a fall faster than any power.
+enum class RateKind { geometric, polynomial, exact_zero, super_exponential };
+
+/// An exponent with its standard error.
+struct FittedRate {
+  double value = 0;
+  double error = 0;
+};
+
+/// Rates as measured from the moments of levels, in the unit of `kind`: 2^(-value k), or k^(-value). Where the
+/// differences are exactly zero, or fall faster than any power, mean, variance and fourth are infinite.
+struct MeasuredRates {
+  RateKind kind = RateKind::geometric;
+  FittedRate mean;      ///< alpha: |E D_k| ~ 2^(-alpha k)
+  FittedRate variance;  ///< beta: E D_k^2 ~ 2^(-beta k)
+  FittedRate fourth;    ///< beta4: E D_k^4 ~ 2^(-beta4 k); 2 beta unless rare events carry the differences
+  FittedRate work;      ///< gamma: work_k ~ 2^(+gamma k)
+};
+
+/// The rates without their errors.
+inline Rates rates_of(const MeasuredRates& m) {
+  return {m.variance.value, m.work.value, m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
+}
+
 /// rho of a law: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.
 struct TailExponent {
   double exponent;
@@ -51,5 +76,9 @@ bool law_exists(const Rates& rates);
 /// standard error can be trusted.
 /// Throws std::invalid_argument when no law has finite variance and finite work.
 double default_exponent(const Rates& rates);
+
+/// The same from measured rates, with the measured decay of the fourth moment, E D_k^4 ~ 2^(-beta4 k): its bound is
+/// 3 rho < beta4.
+double default_exponent(const MeasuredRates& rates);
 
 }  // namespace debias

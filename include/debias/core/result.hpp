@@ -5,8 +5,8 @@
 //   standard error = sqrt(variance / samples), efficiency = 1 / (variance x seconds per sample)
 //
 // Assumes a finite variance: without it the mean is still unbiased, but the standard error, the interval and
-// the efficiency are not to be trusted, and too small most of the time. A warning says so when a single sample
-// dominates, or when the sample variance is itself too uncertain.
+// the efficiency are not to be trusted, and too small most of the time. `verdict` says whether it is; a warning
+// names a single sample that dominates, or a sample variance that is itself too uncertain.
 
 #include <cstdint>
 #include <functional>
@@ -17,7 +17,9 @@
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
+#include <debias/core/bias.hpp>
 #include <debias/core/value.hpp>
+#include <debias/core/verdict.hpp>
 
 namespace debias {
 
@@ -65,6 +67,8 @@ struct LevelRow {
   double second_moment = 0;  ///< E D^2
   double fourth_moment = 0;  ///< E D^4
   double work = 0;           ///< per draw
+  /// What the estimator divides a difference of this level by; 0 for the base, an octave, or where unknown.
+  double probability = 0;
 };
 
 /// One component of the estimate.
@@ -120,6 +124,7 @@ struct Statistics {
   std::vector<double> lower_tail;    ///< at most 4096, ascending
   std::int64_t nonfinite = 0;
   std::int64_t first_nonfinite = -1;
+  BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
   std::vector<std::string> warnings;
   RunState state;
 
@@ -128,6 +133,8 @@ struct Statistics {
   /// 1 / (variance x seconds per sample), with the sum of the variances of all components; infinite for an
   /// estimator without variance.
   [[nodiscard]] double efficiency() const;
+  /// Is the variance finite, and can the interval be trusted? From the levels and the largest samples of this run.
+  [[nodiscard]] RunVerdict verdict() const { return judge(*this); }
   [[nodiscard]] double work_per_sample() const { return work / static_cast<double>(samples); }
 };
 

@@ -18,6 +18,8 @@
 #include <complex>
 #include <concepts>
 #include <cstddef>
+#include <stdexcept>
+#include <string>
 #include <type_traits>
 
 namespace debias {
@@ -95,17 +97,39 @@ V scaled(V v, double factor) {
   return v;
 }
 
+namespace detail {
+// Eigen checks this by assertions only; without them it would read beyond the end of the smaller array.
+template <ArrayValue A>
+void check_same_shape(const A& a, const A& b) {
+  if (a.rows() == b.rows() && a.cols() == b.cols()) return;
+  const auto shape = [](const A& x) { return std::to_string(x.rows()) + " x " + std::to_string(x.cols()); };
+  throw std::invalid_argument("value: arrays of " + shape(a) + " and " + shape(b) +
+                              " meet (all values of a run must have the same shape)");
+}
+}  // namespace detail
+
 /// a + b without a temporary on the heap: dynamic arrays reuse the storage of a.
+/// Throws std::invalid_argument for arrays of different shapes.
 template <Value V>
 V sum(V a, const V& b) {
-  a = a + b;
+  if constexpr (ArrayValue<V>) {
+    detail::check_same_shape(a, b);
+    a += b;
+  } else {
+    a = a + b;
+  }
   return a;
 }
 
-/// a - b without a temporary on the heap.
+/// a - b, likewise.
 template <Value V>
 V difference(V a, const V& b) {
-  a = a - b;
+  if constexpr (ArrayValue<V>) {
+    detail::check_same_shape(a, b);
+    a -= b;
+  } else {
+    a = a - b;
+  }
   return a;
 }
 

@@ -1,0 +1,110 @@
+// Nothing allocates per sample, and the memory of a run does not grow with the number of samples.
+//
+// Counted by replacing operator new for the whole test program: every call, and the bytes that are alive at
+// once. Left alone under the sanitizers that replace it themselves.
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include <malloc.h>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define DEBIAS_TEST_SANITIZED
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define DEBIAS_TEST_SANITIZED
+#endif
+#endif
+
+#ifndef DEBIAS_TEST_SANITIZED
+
+namespace {
+
+std::atomic<std::int64_t> calls = 0;
+std::atomic<std::int64_t> alive = 0;
+std::atomic<std::int64_t> peak = 0;
+
+void* counted(void* p) {
+  if (p == nullptr) throw std::bad_alloc();
+  ++calls;
+  const std::int64_t now = alive += static_cast<std::int64_t>(malloc_usable_size(p));
+  std::int64_t seen = peak;
+  while (now > seen && !peak.compare_exchange_weak(seen, now)) {
+  }
+  return p;
+}
+
+void release(void* p) {
+  alive -= static_cast<std::int64_t>(malloc_usable_size(p));
+  std::free(p);
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return counted(std::malloc(std::max<std::size_t>(size, 1))); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  const auto a = static_cast<std::size_t>(alignment);
+  return counted(std::aligned_alloc(a, (size + a - 1) / a * a));
+}
+void operator delete(void* p) noexcept { release(p); }
+void operator delete(void* p, std::size_t) noexcept { release(p); }
+void operator delete(void* p, std::align_val_t) noexcept { release(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { release(p); }
+
+namespace {
+
+using namespace debias;
+
+/// What one run asks of the heap: calls of operator new, and the most bytes alive beyond those before it.
+struct HeapUse {
+  std::int64_t calls;
+  std::int64_t peak;
+};
+
+template <class E>
+HeapUse heap_use(const E& estimator, std::int64_t samples) {
+  const std::int64_t calls_before = calls;
+  const std::int64_t alive_before = alive;
+  peak = alive_before;
+  estimate(estimator, {.samples = samples, .seed = 3, .threads = 2});
+  return {calls - calls_before, peak - alive_before};
+}
+
+}  // namespace
+
+TEST_CASE("a million scalar samples allocate by the chunk, not by the sample, in memory that does not grow",
+          "[core][estimate][exact]") {
+  const auto halves = [](std::int64_t level, Stream& rng) {
+    const double unit = std::ldexp(1.0, -static_cast<int>(level));
+    const double u = rng.uniform();
+    return level == 0 ? base(u) : coupled(u * (2 - unit), u * (2 - 2 * unit));
+  };
+  const auto debiased = single_term(halves, Geometric(0.6));
+  const HeapUse small = heap_use(debiased, 100'000);
+  const HeapUse large = heap_use(debiased, 1'000'000);
+  CAPTURE(small.calls, small.peak, large.calls, large.peak);
+  CHECK(large.calls < 2000);                   // 245 chunks of 4096
+  CHECK(large.peak < small.peak + 64 * 1024);  // the tree of chunks has three more open nodes
+  CHECK(large.peak < 4 * 1024 * 1024);
+
+  const auto allocating = [&debiased](Stream& rng) {
+    NullRecord record;
+    const std::vector<double> on_the_heap(1, debiased(rng, record).value);
+    return on_the_heap[0];
+  };
+  CHECK_FALSE(heap_use(allocating, 1'000'000).calls < 2000);
+}
+
+#endif

@@ -1,0 +1,100 @@
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/rates.hpp>
+
+using namespace debias;
+
+namespace {
+
+constexpr double forever = Rates::faster_than_any;
+
+/// Does sum_k 2^(-e k), or sum_k k^(-e), converge? The definition that every verdict below goes back to.
+bool summable(double exponent, Decay decay) { return exponent > (decay == Decay::geometric ? 0 : 1); }
+
+bool in_range(const Rates& rates, double rho) {
+  const ExponentRange range = finite_exponents(rates);
+  return range.low < rho && rho < range.high;
+}
+
+bool fourth_moment_is_finite(const Rates& r, double rho) {
+  return summable(2 * r.variance - 3 * rho, r.decay);
+}
+
+bool near(double a, double b) { return std::abs(a - b) < 1e-12; }
+
+}  // namespace
+
+TEST_CASE("the range of exponents is where variance and work are both sums that converge",
+          "[core][rates][exact]") {
+  int inside = 0;
+  for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
+    for (const double variance : {0.5, 1.0, 2.0, 4.0, 6.5}) {
+      for (const double work : {0.0, 1.0, 2.25}) {
+        for (int i = 1; i < 64; ++i) {
+          const double rho = i / 8.0;
+          const bool variance_finite = summable(variance - rho, decay);
+          const bool work_finite = summable(rho - work, decay);
+          REQUIRE(in_range({variance, work, decay}, rho) == (variance_finite && work_finite));
+          inside += variance_finite && work_finite ? 1 : 0;
+        }
+      }
+    }
+  }
+  CHECK(inside > 100);
+}
+
+TEST_CASE("no law exists at the border, where variance and work rates meet", "[core][rates][exact]") {
+  CHECK(law_exists({1.001, 1}));
+  CHECK_FALSE(law_exists({1, 1}));
+  CHECK_FALSE(law_exists({0.486, 1.485}));  // photons, area halved and number times 2.8: no law, as published
+  CHECK(law_exists({3.001, 1, Decay::polynomial}));
+  CHECK_FALSE(law_exists({3, 1, Decay::polynomial}));
+  CHECK(law_exists({forever, 1}));
+  CHECK_THROWS_AS(default_exponent({1, 1}), std::invalid_argument);
+  CHECK_THROWS_AS(default_exponent({3, 1, Decay::polynomial}), std::invalid_argument);
+  try {
+    default_exponent({1, 1.5});
+    FAIL("no law has both");
+  } catch (const std::invalid_argument& e) {
+    CHECK_THAT(e.what(), Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") &&
+                             Catch::Contains("no law has both"));
+  }
+}
+
+TEST_CASE("the default exponent lies inside, and keeps the fourth moment where that is possible",
+          "[core][rates][exact]") {
+  CHECK(near(default_exponent({2, 1}), 1.3));     // between work 1 and fourth moment 4/3
+  CHECK(near(default_exponent({4, 0}), 2));       // the best, (beta + gamma) / 2, is below 8/3
+  CHECK(near(default_exponent({1.5, 1}), 1.25));  // the fourth moment is out of reach: the best
+  CHECK(near(default_exponent({forever, 1}), 2));
+  for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
+    for (const double work : {0.0, 0.5, 1.0, 2.0}) {
+      for (int i = 1; i < 80; ++i) {
+        const Rates rates{i / 8.0, work, decay};
+        if (!law_exists(rates)) continue;
+        const double rho = default_exponent(rates);
+        CAPTURE(rates.variance, work, rho);
+        REQUIRE(in_range(rates, rho));
+        REQUIRE(rho <= (rates.variance + work) / 2);
+        const bool possible = fourth_moment_is_finite(rates, finite_exponents(rates).low + 1e-9);
+        REQUIRE(fourth_moment_is_finite(rates, rho) == possible);
+      }
+    }
+  }
+}
+
+TEST_CASE("zeta(2) by its terms: exponents 1 < s < 3, or 2 < s < 3 when a level walks to its term",
+          "[core][rates][exact]") {
+  const ExponentRange free = finite_exponents({4, 0, Decay::polynomial});
+  CHECK(free.low == 1);
+  CHECK(free.high == 3);
+  CHECK(default_exponent({4, 0, Decay::polynomial}) == 2);
+  const ExponentRange walking = finite_exponents({4, 1, Decay::polynomial});
+  CHECK(walking.low == 2);
+  CHECK(walking.high == 3);
+  CHECK(near(default_exponent({4, 1, Decay::polynomial}), 2.3));
+}

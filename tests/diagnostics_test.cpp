@@ -1,0 +1,146 @@
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/stream.hpp>
+#include <debias/diagnostics.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/pmf/poisson.hpp>
+#include <debias/pmf/zeta.hpp>
+
+using namespace debias;
+
+namespace {
+
+constexpr double forever = std::numeric_limits<double>::infinity();
+constexpr TailExponent power_law(double s) { return {s, Decay::polynomial}; }
+
+}  // namespace
+
+TEST_CASE("r = 0.65 at variance rate 2 and work rate 1: finite, with tail index 0.340",
+          "[diagnostics][exact]") {
+  const Verdict v = judge({2, 1}, Geometric(0.65).tail_exponent());
+  CHECK(v.finite_variance);
+  CHECK(v.finite_work);
+  CHECK(std::abs(v.tail_index - 0.340) < 5e-4);
+  CHECK_THAT(v.sentence, Catch::Contains("variance finite") && Catch::Contains("work finite") &&
+                             Catch::Contains("tail index 0.34") &&
+                             Catch::Contains("fourth moment is infinite"));
+  const Verdict lighter = judge({2, 1}, Geometric(0.60).tail_exponent());
+  CHECK(std::abs(lighter.tail_index - 0.244) < 5e-4);
+  CHECK_THAT(lighter.sentence, !Catch::Contains("fourth"));
+}
+
+TEST_CASE("the borders belong to the infinite", "[diagnostics][exact]") {
+  CHECK_FALSE(judge({2, 1}, {2}).finite_variance);
+  CHECK(judge({2, 1}, {1.999}).finite_variance);
+  CHECK(judge({2, 1}, {2}).tail_index == 0.5);
+  CHECK_FALSE(judge({2, 1}, {1}).finite_work);
+  CHECK(judge({2, 1}, {1.001}).finite_work);
+  CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(3)).finite_variance);
+  CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(2)).finite_work);
+  CHECK(judge({4, 1, Decay::polynomial}, power_law(3)).tail_index == 0.5);
+  CHECK_THAT(judge({2, 1}, {2.5}).sentence,
+             Catch::Contains("variance INFINITE") && Catch::Contains("between 1 and 2"));
+  CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no law has both"));
+}
+
+TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[diagnostics][exact]") {
+  for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
+    for (const double variance : {0.5, 1.0, 2.0, 4.0}) {
+      for (int i = 9; i < 64; ++i) {  // a power law has an exponent above 1
+        const Verdict v = judge({variance, 1, decay}, {i / 8.0, decay});
+        REQUIRE(v.finite_variance == (v.tail_index < 0.5));
+        REQUIRE(v.tail_index >= 0);
+      }
+    }
+  }
+}
+
+TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric law never",
+          "[diagnostics][exact]") {
+  const Rates rates{4, 0, Decay::polynomial};
+  const Verdict good = judge(rates, Zeta(2).tail_exponent());
+  CHECK(good.finite_variance);
+  CHECK(good.finite_work);
+  CHECK(good.tail_index == 0);  // D_k / p_k is bounded
+  CHECK(judge(rates, Zeta(2.5).tail_exponent()).tail_index == Approx(1.0 / 3));
+  CHECK_FALSE(judge(rates, Zeta(3).tail_exponent()).finite_variance);
+  const Verdict steep = judge(rates, Geometric(0.5).tail_exponent());
+  CHECK_FALSE(steep.finite_variance);
+  CHECK(steep.finite_work);
+  CHECK(steep.tail_index == 1);
+}
+
+TEST_CASE("a power law is too flat for growing work, a Poisson law too steep for geometric differences",
+          "[diagnostics][exact]") {
+  const Verdict flat = judge({2, 1}, Zeta(2.5).tail_exponent());
+  CHECK(flat.finite_variance);
+  CHECK_FALSE(flat.finite_work);
+  CHECK(judge({2, 0}, Zeta(2.5).tail_exponent()).finite_work);
+  const Verdict steep = judge({2, 1}, Poisson(3).tail_exponent());
+  CHECK_FALSE(steep.finite_variance);
+  CHECK(steep.finite_work);
+  CHECK(steep.tail_index == 1);
+}
+
+TEST_CASE("differences that end bring a finite variance under every law", "[diagnostics][exact]") {
+  for (const TailExponent& law : {TailExponent{1.5}, power_law(3), TailExponent{forever}}) {
+    const Verdict v = judge({Rates::faster_than_any, 1}, law);
+    CHECK(v.finite_variance);
+    CHECK(v.tail_index == 0);
+  }
+}
+
+namespace {
+
+/// log P(|Z| > t) falls by 1 / xi for each unit of log t. Measured on Z = D_N / p_N, D_k = 2^(-beta k / 2) times
+/// a normal number, between two thresholds four periods of the law's lattice apart.
+struct MeasuredTail {
+  double inverse_index;
+  double error;
+
+  [[nodiscard]] bool agrees(double xi) const { return std::abs(inverse_index - 1 / xi) <= 4.5 * error; }
+};
+
+MeasuredTail measure_tail(const Geometric& law, double beta) {
+  constexpr std::int64_t n = 1'000'000;
+  const double period = law.tail_exponent().exponent - beta / 2;  // log2 of Z from level to level
+  const double low = 16;
+  const double high = low * std::exp2(4 * period);
+  double above_low = 0;
+  double above_high = 0;
+  for (std::int64_t i = 0; i < n; ++i) {
+    Stream rng(17, static_cast<std::uint64_t>(i));
+    const std::int64_t level = law.sample(rng.uniform());
+    const double d = rng.normal() * std::exp2(-beta / 2 * static_cast<double>(level));
+    const double z = std::abs(d / law.mass(level));
+    above_low += z > low ? 1 : 0;
+    above_high += z > high ? 1 : 0;
+  }
+  const double log_ratio = std::log(high / low);
+  return {std::log(above_low / above_high) / log_ratio,
+          std::sqrt(1 / above_high - 1 / above_low) / log_ratio};
+}
+
+}  // namespace
+
+TEST_CASE("simulated weights have the tail index of the verdict, and no neighbouring one",
+          "[diagnostics][statistical]") {
+  const auto index = [](double beta, double r) {
+    return judge({beta, 1}, Geometric(r).tail_exponent()).tail_index;
+  };
+  const MeasuredTail at_65 = measure_tail(Geometric(0.65), 2);
+  CAPTURE(at_65.inverse_index, at_65.error);
+  CHECK(at_65.agrees(index(2, 0.65)));
+  CHECK_FALSE(at_65.agrees(index(2, 0.60)));
+  CHECK_FALSE(at_65.agrees(index(2.25, 0.65)));
+  const MeasuredTail at_75 = measure_tail(Geometric(0.75), 1.5);
+  CAPTURE(at_75.inverse_index, at_75.error);
+  CHECK(at_75.agrees(index(1.5, 0.75)));
+  CHECK_FALSE(at_75.agrees(index(1.5, 0.65)));
+}
