@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/sequence.hpp>
@@ -48,13 +49,18 @@ class IndependentSum {
       Stream level_stream = split_level(rng, level);
       auto term = difference_of(sequence_, level, level_stream);
       record.difference(level, as_scalar(term.value), term.work);
-      const double weight = inverse_weight(law_.tail(level - base_level_), level);
+      const double weight = inverse_weight(probability(level), level);
       sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
       sample.work += term.work;
     }
     return sample;
   }
 
+  /// What the difference of a level is divided by.
+  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
+    return sequence_.bias_bound(levels);
+  }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", law_, base_level_); }
 

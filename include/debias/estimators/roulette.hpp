@@ -8,8 +8,14 @@
 // E Z = sum E T_k for every law that reaches every term, if sum E|T_k| < infinity. Finite variance needs the
 // tail of the law to fall slower than E T_k^2 (more precisely, sum nu_k / tail_k < infinity with
 // nu_k = ||I - I_(k-1)||^2 - ||I - I_k||^2), finite work needs it to be summable against the work of a term.
+// Instead of a law a policy may decide from term to term: IndexRoulette before a term is drawn, RunningWeight
+// after, by its size. With a base level they make a deterministic prefix ("CMF") [Georgiev et al. 2019].
 
+#include <algorithm>
+#include <cmath>
+#include <concepts>
 #include <cstdint>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -30,10 +36,13 @@ class Roulette {
  public:
   using value_type = decltype(std::declval<const S&>()(std::declval<Stream&>())().value);
 
-  /// Throws std::invalid_argument for a negative base level.
+  /// Throws std::invalid_argument for a negative base level, or a law that the terms refuse (`require`).
   Roulette(S terms, P law, const RouletteOptions& options)
       : terms_(std::move(terms)), law_(std::move(law)), base_level_(options.base_level) {
     detail::check_base_level("roulette", base_level_);
+    if constexpr (DescribedPmf<P> && requires { terms_.require(law_.tail_exponent()); }) {
+      terms_.require(law_.tail_exponent());
+    }
   }
 
   template <Record R>
@@ -54,12 +63,14 @@ class Roulette {
       term = cursor();
       const std::int64_t level = base_level_ + j;
       record.difference(level, as_scalar(term.value), term.work);
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(law_.tail(j), level)));
+      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
   }
 
+  /// What the term of a level is divided by.
+  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("roulette", law_, base_level_); }
 
@@ -82,6 +93,120 @@ template <TermSequence S>
 Roulette<S, Geometric> roulette(S terms, const RouletteOptions& options = {}) {
   const Rates rates = terms.rates;
   return {std::move(terms), detail::default_law(rates), options};
+}
+
+// ---- policies: one decision a term
+
+/// `policy(level)`, before the term of a level is drawn, or `policy(level, size)`, after it, with its absolute value
+/// over the probability so far: the probability to keep the term, above 0 wherever it or a later one is not zero.
+template <class C>
+concept EarlyPolicy = requires(const C& c, std::int64_t level) {
+  { c(level) } -> std::same_as<double>;
+};
+template <class C>
+concept LatePolicy = requires(const C& c, std::int64_t level, double size) {
+  { c(level, size) } -> std::same_as<double>;
+};
+template <class C>
+concept RoulettePolicy = EarlyPolicy<C> || LatePolicy<C>;
+
+/// On to term k with probability min(1, c / k): for terms like c^k / k!.
+struct IndexRoulette {
+  double c;
+
+  /// Throws std::invalid_argument unless c is positive and finite.
+  explicit IndexRoulette(double factor) : c(factor) {
+    if (c > 0 && std::isfinite(c)) return;
+    throw std::invalid_argument("IndexRoulette: c = " + std::to_string(c) + " (must be positive and finite)");
+  }
+  double operator()(std::int64_t level) const { return std::min(1.0, c / static_cast<double>(level)); }
+  [[nodiscard]] std::string spec() const { return "index:c=" + std::to_string(c); }
+};
+
+/// Keeps a term with probability min(1, size / reference) ("cumulative"): kept ones have at least the size of the
+/// reference, which is best that of the first term. For terms that are products: a zero ends the sum, so that all
+/// later ones must be zero too.
+struct RunningWeight {
+  double reference;
+
+  /// Throws std::invalid_argument unless the reference is positive and finite.
+  explicit RunningWeight(double size_of_first_term) : reference(size_of_first_term) {
+    if (reference > 0 && std::isfinite(reference)) return;
+    throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference) +
+                                " (must be positive and finite: the size of the first term, say)");
+  }
+  double operator()(std::int64_t /*level*/, double size) const { return std::min(1.0, size / reference); }
+  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference); }
+};
+
+/// Z = sum_(k <= m) T_k + sum_(k > m) T_k / (P_(m+1) ... P_k) while the policy keeps the terms, P_k its probabilities.
+template <TermSequence S, RoulettePolicy C>
+class PolicyRoulette {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  /// Throws std::invalid_argument for a negative base level.
+  PolicyRoulette(S terms, C policy, const RouletteOptions& options)
+      : terms_(std::move(terms)), policy_(std::move(policy)), base_level_(options.base_level) {
+    detail::check_base_level("roulette", base_level_);
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    Stream decisions = split(rng, Branch::law);
+    Stream path = split_level(rng, 0);
+    auto cursor = terms_(path);
+    auto term = cursor();
+    Sample<value_type> sample{std::move(term.value), term.work, base_level_};
+    for (std::int64_t k = 1; k <= base_level_; ++k) {
+      term = cursor();
+      sample.value = sum(std::move(sample.value), term.value);
+      sample.work += term.work;
+    }
+    record.base(base_level_, as_scalar(sample.value), sample.work);
+    double weight = 1;
+    for (std::int64_t level = base_level_ + 1;; ++level) {
+      if constexpr (!LatePolicy<C>) {
+        if (!keep(policy_(level), decisions, weight)) return sample;
+      }
+      term = cursor();
+      const double size = as_scalar(term.value);
+      record.difference(level, size, term.work);
+      sample.level = level;
+      sample.work += term.work;
+      if constexpr (LatePolicy<C>) {
+        // What is not finite must reach the mean, and has no probability.
+        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
+      }
+      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      if (!std::isfinite(size)) return sample;
+    }
+  }
+
+  [[nodiscard]] std::string describe() const {
+    std::string name = "user-defined policy";
+    if constexpr (requires { { policy_.spec() } -> std::same_as<std::string>; }) name = policy_.spec();
+    return "roulette, " + name + ", base level " + std::to_string(base_level_);
+  }
+
+ private:
+  // Plays for one term, and divides the weight by the probability of going on.
+  static bool keep(double probability, Stream& decisions, double& weight) {
+    if (probability >= 1) return true;
+    if (!(decisions.uniform() < probability)) return false;
+    weight /= probability;
+    return true;
+  }
+
+  S terms_;
+  C policy_;
+  std::int64_t base_level_;
+};
+
+/// Roulette on the sum of `terms`, decided term by term by a policy.
+template <TermSequence S, RoulettePolicy C>
+PolicyRoulette<S, C> roulette(S terms, C policy, const RouletteOptions& options = {}) {
+  return {std::move(terms), std::move(policy), options};
 }
 
 }  // namespace debias

@@ -16,6 +16,7 @@
 #include <string>
 #include <utility>
 
+#include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/sequence.hpp>
@@ -38,21 +39,24 @@ class SingleTerm {
   using value_type = sequence_value_t<S>;
 
   /// Throws std::invalid_argument for a negative base level.
-  SingleTerm(S sequence, P law, const SingleTermOptions& options)
-      : sequence_(std::move(sequence)), law_(std::move(law)), options_(options) {
+  SingleTerm(S levels, P law, const SingleTermOptions& options)
+      : sequence_(std::move(levels)), law_(std::move(law)), options_(options) {
     detail::check_base_level("single_term", options.base_level);
   }
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream law_stream = split(rng, Branch::law);
-    return draw(first_level() + law_.sample(law_stream.uniform()), rng, record);
+    return draw(level_at(law_stream.uniform()), rng, record);
   }
+
+  /// The level that a uniform in (0, 1] stands for; deep levels lie at small ones.
+  [[nodiscard]] std::int64_t level_at(double u) const { return first_level() + law_.sample(u); }
 
   /// The sample that a draw of `level` from the law gives.
   template <Record R>
   Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
-    const double weight = inverse_weight(law_.mass(level - first_level()), level);
+    const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
     Stream level_stream = split_level(rng, level);
     if (options_.base == Base::drawn) {
@@ -77,6 +81,11 @@ class SingleTerm {
     }
   }
 
+  /// What the difference of a level is divided by.
+  [[nodiscard]] double probability(std::int64_t level) const { return law_.mass(level - first_level()); }
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
+    return sequence_.bias_bound(levels);
+  }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] const S& sequence() const { return sequence_; }
 

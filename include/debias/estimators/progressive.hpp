@@ -1,0 +1,141 @@
+#pragma once
+
+// A base level that grows with the sample index: consistent whatever the law, and its biased classic.
+//
+//   progressive   Z_i = I_m(i) + D_N / p(N - m(i) - 1): unbiased at every i               [Misso et al. 2022]
+//   averaged      Z_i = I_m(i): biased at every i, the average converges        [Knaus & Zwicker 2011]
+//   m(i) = base_level + floor(log2(1 + i / first_step) / doublings)
+//
+//   Notation: i = Stream::index().
+// Samples are not identically distributed. The means of `progressive` are equal, so that its standard error is right
+// all the same, and stays right for any schedule; that of `averaged` knows nothing of its bias. Where no law has
+// finite variance and finite work, growing bases still bring the answer, at a slower rate than 1 / sqrt(work).
+// A sample past 2^30 first_step of work 2^m(i) costs what its base costs: choose `doublings` for that.
+
+#include <cmath>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/pmf.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/estimators/common.hpp>
+
+namespace debias {
+
+/// m(i): one level more for every `doublings` doublings of the index, beginning at `first_step`.
+struct Schedule {
+  std::int64_t base_level = 0;
+  double first_step = 1024;
+  double doublings = 2;
+
+  [[nodiscard]] std::int64_t level(std::uint64_t index) const {
+    return base_level +
+           static_cast<std::int64_t>(std::log2(1 + static_cast<double>(index) / first_step) / doublings);
+  }
+  /// The first index with this level: samples of one level are identically distributed, and
+  /// {.first = first_index(m), .samples = first_index(m + 1) - first_index(m)} runs them alone.
+  [[nodiscard]] std::int64_t first_index(std::int64_t wanted) const {
+    const double steps = std::exp2(static_cast<double>(wanted - base_level) * doublings) - 1;
+    auto index = static_cast<std::int64_t>(std::floor(steps * first_step));
+    while (index > 0 && level(static_cast<std::uint64_t>(index) - 1) >= wanted) --index;
+    while (level(static_cast<std::uint64_t>(index)) < wanted) ++index;
+    return index;
+  }
+  void check(const char* estimator) const {
+    detail::check_base_level(estimator, base_level);
+    if (first_step > 0 && doublings > 0 && std::isfinite(first_step) && std::isfinite(doublings)) return;
+    throw std::invalid_argument(std::string(estimator) + ": first_step = " + std::to_string(first_step) +
+                                ", doublings = " + std::to_string(doublings) + " (must be positive and finite)");
+  }
+  [[nodiscard]] std::string describe() const {
+    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + std::to_string(first_step) +
+           ") / " + std::to_string(doublings) + ")";
+  }
+};
+
+template <BiasedSequence S, Pmf P>
+class Progressive {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  Progressive(S sequence, P law, const Schedule& schedule)
+      : sequence_(std::move(sequence)), law_(std::move(law)), schedule_(schedule) {
+    schedule_.check("progressive");
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    const std::int64_t m = schedule_.level(rng.index());
+    Stream law_stream = split(rng, Branch::law);
+    const std::int64_t j = law_.sample(law_stream.uniform());
+    const std::int64_t level = m + 1 + j;
+    const double weight = inverse_weight(law_.mass(j), level);
+    Stream level_stream = split_level(rng, level);
+    if constexpr (OffersSharedBase<S>) {
+      auto both = sequence_.shared(level, m, level_stream);
+      record.base(m, as_scalar(both.base), 0.0);
+      record.difference(level, as_scalar(both.difference), both.work);
+      return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
+    } else {
+      Stream base_stream = split_level(rng, m);
+      auto base = value_of(sequence_, m, base_stream);
+      auto term = difference_of(sequence_, level, level_stream);
+      record.base(m, as_scalar(base.value), base.work);
+      record.difference(level, as_scalar(term.value), term.work);
+      return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+    }
+  }
+
+  [[nodiscard]] std::string describe() const {
+    std::string name = "user-defined law";
+    if constexpr (DescribedPmf<P>) name = law_.spec();
+    return "progressive, " + name + ", " + schedule_.describe();
+  }
+
+ private:
+  S sequence_;
+  P law_;
+  Schedule schedule_;
+};
+
+template <BiasedSequence S>
+class Averaged {
+ public:
+  using value_type = sequence_value_t<S>;
+
+  Averaged(S sequence, const Schedule& schedule) : sequence_(std::move(sequence)), schedule_(schedule) {
+    schedule_.check("averaged");
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    const std::int64_t m = schedule_.level(rng.index());
+    Stream base_stream = split_level(rng, m);
+    auto base = value_of(sequence_, m, base_stream);
+    record.base(m, as_scalar(base.value), base.work);
+    return {std::move(base.value), base.work, m};
+  }
+
+  [[nodiscard]] std::string describe() const { return "averaged (biased), " + schedule_.describe(); }
+
+ private:
+  S sequence_;
+  Schedule schedule_;
+};
+
+/// The consistent and unbiased form. Throws, like `averaged`, std::invalid_argument for an impossible schedule.
+template <BiasedSequence S, Pmf P>
+Progressive<S, P> progressive(S sequence, P law, const Schedule& schedule = {}) {
+  return {std::move(sequence), std::move(law), schedule};
+}
+
+/// The consistent and biased classic: plain averages at growing levels.
+template <BiasedSequence S>
+Averaged<S> averaged(S sequence, const Schedule& schedule = {}) {
+  return {std::move(sequence), schedule};
+}
+
+}  // namespace debias

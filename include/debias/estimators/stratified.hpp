@@ -1,0 +1,164 @@
+#pragma once
+
+// Strata: blocks of n members whose levels are spread over the law, instead of n independent draws of the level.
+//
+//   Z = (1/n) sum_j z(level_j, stream_j),   E #{j : level_j = k} = n p_k for every k        [Vihola 2018]
+//   systematic   level_j = F^-1((j + U) / n), one U for the block
+//   uniform      level_j = F^-1((j + U_j) / n)
+//   residual     floor(n p_k) copies of level k, the rest drawn from n p_k - floor(n p_k)
+//
+//   Notation: n = block, F^-1 = law.sample, z(k, stream) = estimator.draw(k, stream).
+// The variance of choosing the level, sum d_k^2 / p_k - I^2, all but disappears: n Var Z -> sum Var D_k / p_k, the
+// efficiency of multilevel Monte Carlo, without its bias. One block is one sample: blocks are independent, so their
+// standard error is honest. It takes some hundred blocks; a sample index names a block.
+// Members of one level run one after the other.
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/pmf.hpp>
+#include <debias/core/value.hpp>
+
+namespace debias {
+
+/// How the levels of a block are drawn. Systematic needs one random number a block and is the quietest as a rule.
+enum class Strata { systematic, uniform, residual };
+
+inline const char* name_of(Strata strata) {
+  constexpr std::array names = {"systematic", "uniform", "residual"};
+  return names[static_cast<std::size_t>(strata)];
+}
+
+/// An estimator whose level can be drawn from outside.
+template <class E>
+concept StratifiableEstimator = Estimator<E> && requires(const E& e, double u, std::int64_t level,
+                                                         const Stream& rng, NullRecord& record) {
+  { e.level_at(u) } -> std::same_as<std::int64_t>;
+  { e.probability(level) } -> std::same_as<double>;
+  e.draw(level, rng, record);
+  { e.law().tail(level) } -> std::same_as<double>;
+};
+
+/// An estimator in blocks; Sample::value is the mean of a block, Sample::work its total.
+template <StratifiableEstimator E>
+class Stratified {
+ public:
+  using value_type = estimate_value_t<E>;
+
+  /// Throws std::invalid_argument for an empty block.
+  Stratified(E estimator, std::int64_t block, Strata strata)
+      : estimator_(std::move(estimator)), block_(block), strata_(strata) {
+    if (block < 1) {
+      throw std::invalid_argument("stratified: block = " + std::to_string(block) +
+                                  " (must be at least 1); 64 is a good start");
+    }
+    if (strata == Strata::residual) count_copies();
+  }
+
+  template <Record R>
+  Sample<value_type> operator()(Stream& rng, R& record) const {
+    switch (strata_) {
+      case Strata::systematic: {
+        Stream law_stream = split(rng, Branch::law);
+        const double shift = law_stream.uniform();
+        return block_of(rng, record, [&](std::int64_t j) { return estimator_.level_at(at(j, shift)); });
+      }
+      case Strata::uniform:
+        return block_of(rng, record, [&](std::int64_t j) {
+          Stream law_stream = split(member(rng, j), Branch::law);
+          return estimator_.level_at(at(j, law_stream.uniform()));
+        });
+      case Strata::residual:
+        break;
+    }
+    return block_of(rng, record, [&, row = std::size_t{0}, used = std::int64_t{0}](std::int64_t j) mutable {
+      for (; row < copies_.size(); ++row, used = 0) {
+        if (used++ < copies_[row].count) return copies_[row].level;
+      }
+      Stream law_stream = split(member(rng, j), Branch::law);
+      return residual_level(law_stream.uniform());
+    });
+  }
+
+  /// What the difference of a level is divided by, in the sample of a member.
+  [[nodiscard]] double probability(std::int64_t level) const { return estimator_.probability(level); }
+  [[nodiscard]] const E& estimator() const { return estimator_; }
+  [[nodiscard]] std::int64_t block() const { return block_; }
+
+  [[nodiscard]] std::string describe() const {
+    return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
+           description(estimator_);
+  }
+
+ private:
+  struct Copies {
+    std::int64_t level;
+    std::int64_t count;     // floor(n p)
+    double residual_tail;  // n p - floor(n p), summed from the deepest level up to this one
+  };
+
+  static Stream member(const Stream& rng, std::int64_t j) { return rng.split(static_cast<std::uint64_t>(j)); }
+
+  [[nodiscard]] double at(std::int64_t j, double shift) const {
+    return (static_cast<double>(j) + shift) / static_cast<double>(block_);
+  }
+
+  template <Record R, class LevelOf>
+  Sample<value_type> block_of(const Stream& rng, R& record, LevelOf&& level_of) const {
+    auto sample = estimator_.draw(level_of(0), member(rng, 0), record);
+    for (std::int64_t j = 1; j < block_; ++j) {
+      const std::int64_t level = level_of(j);
+      auto next = estimator_.draw(level, member(rng, j), record);
+      sample.value = sum(std::move(sample.value), next.value);
+      sample.work += next.work;
+      sample.level = sample.level > next.level ? sample.level : next.level;
+    }
+    sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
+    return sample;
+  }
+
+  // The levels that may have copies, deepest last: n p_k <= n tail(k) falls below 1 for good.
+  void count_copies() {
+    const auto n = static_cast<double>(block_);
+    const std::int64_t first = estimator_.level_at(1);
+    std::int64_t levels = 1;
+    while (n * estimator_.law().tail(levels) >= 1) ++levels;
+    rest_tail_ = n * estimator_.law().tail(levels);
+    double residual = rest_tail_;
+    for (std::int64_t j = levels; j-- > 0;) {
+      const double expected = n * estimator_.probability(first + j);
+      const double whole = std::floor(expected);
+      residual += expected - whole;
+      copies_.insert(copies_.begin(), {first + j, static_cast<std::int64_t>(whole), residual});
+    }
+  }
+
+  [[nodiscard]] std::int64_t residual_level(double u) const {
+    const double left = u * copies_.front().residual_tail;
+    if (left <= rest_tail_) return estimator_.level_at(left / static_cast<double>(block_));
+    std::size_t row = 0;
+    while (row + 1 < copies_.size() && left <= copies_[row + 1].residual_tail) ++row;
+    return copies_[row].level;
+  }
+
+  E estimator_;
+  std::int64_t block_;
+  Strata strata_;
+  std::vector<Copies> copies_;  // residual only
+  double rest_tail_ = 0;        // n P(a level beyond copies_)
+};
+
+/// Blocks of `block` members: `estimate(stratified(single_term(s, law), 64), {.samples = 10'000})` draws 640,000.
+template <StratifiableEstimator E>
+Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
+  return {std::move(estimator), block, strata};
+}
+
+}  // namespace debias
