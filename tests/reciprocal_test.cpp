@@ -4,16 +4,26 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
+#include <stdexcept>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include <debias/core/accumulator.hpp>
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/roulette.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
 
 #include "catch_shim.hpp"
+#include "laws/estimator_laws.hpp"
 #include "laws/sequence_laws.hpp"
 
 using namespace debias;
-using laws::Failures;
-using laws::sequence_laws;
+using ::laws::Failures;
+using ::laws::sequence_laws;
+using debias::laws::estimator_laws;
 
 namespace {
 
@@ -124,4 +134,153 @@ TEST_CASE("a mean of zero gives a number that is not finite, never a clamped one
     }
   }
   CHECK(seen);
+}
+
+// ---- series, trials, products
+
+namespace {
+
+const auto bounded = [](Stream& rng) { return 0.5 + rng.uniform(); };  // E X = 1, E X^2 = 13/12
+
+template <class E>
+bool unbiased(const E& e, double truth, std::int64_t samples = 1 << 16) {
+  return estimator_laws(e, truth, {.samples = samples, .repeats = 0}).empty();
+}
+
+/// |z| of the variance of an estimator against a closed form.
+template <class E>
+double z_of_variance(const E& e, double exact) {
+  const auto r = estimate(e, {.samples = 1 << 17, .seed = 2});
+  const double error = exact * std::sqrt((r.moments.kurtosis() - 1) / static_cast<double>(r.samples));
+  return std::abs(r.moments.variance() - exact) / error;
+}
+
+/// Trials that follow one shifted dyadic sequence: dependent. Of two neighbours one lies in [0, 1/2), so that the mean
+/// is 3/2.
+struct DependentTrials {
+  double operator()(Stream& rng) const {
+    const double shift = rng.uniform();
+    double radical_inverse = 0;
+    for (std::uint64_t n = 0;; ++n) {
+      radical_inverse = 0;
+      for (std::uint64_t bits = n, place = 1; bits != 0; bits >>= 1, ++place) {
+        radical_inverse += static_cast<double>(bits & 1U) * std::ldexp(1.0, -static_cast<int>(place));
+      }
+      if (std::fmod(radical_inverse + shift, 1.0) < 0.5) return static_cast<double>(n + 1);
+    }
+  }
+};
+
+}  // namespace
+
+TEST_CASE("every way to 1 / E X is unbiased with an honest error on draws between bounds",
+          "[reciprocal][statistical]") {
+  const Moments pilot = estimate(bounded, {.samples = 1000, .seed = 99}).moments;
+  CHECK(estimator_laws(single_term(reciprocal(bounded)), 1) == Failures{});
+  CHECK(estimator_laws(single_term(clamped_reciprocal(bounded)), 1) == Failures{});
+  CHECK(estimator_laws(roulette(reciprocal_series(bounded, centre_between(0.5, 1.5))), 1) == Failures{});
+  CHECK(estimator_laws(roulette(reciprocal_series(bounded, 1.5), RunningWeight(1 / 1.5)), 1) == Failures{});
+  CHECK(estimator_laws(reciprocal_trials(bounded, 1.5), 1) == Failures{});
+  CHECK(estimator_laws(reciprocal_residual(bounded, 0.5, 1.5), 1) == Failures{});
+  CHECK(estimator_laws(reciprocal_product(bounded, 0.9, pilot), 1) == Failures{});
+
+  // Power check: a majorant that cuts, and a survival that is off.
+  const auto cut = [](Stream& rng) { return std::min(1.2, bounded(rng)); };
+  CHECK_FALSE(unbiased(reciprocal_trials(cut, 1.5), 1));
+  const auto off = [e = ReciprocalProduct(bounded, 0.9, 0.3)](Stream& rng) { return 0.7 / 0.68 * e(rng).value; };
+  CHECK_FALSE(unbiased(off, 1));
+}
+
+TEST_CASE("trials on events of probability p have mean 1/p, variance (1-p)/p^2 and 1/p trials",
+          "[reciprocal][statistical]") {
+  const auto event = [](Stream& rng) { return rng.uniform() < 0.2 ? 1.0 : 0.0; };
+  const auto trials = reciprocal_trials(event, 1);
+  CHECK(unbiased(trials, 5));
+  CHECK(z_of_variance(trials, 20) < 4.5);
+  CHECK(z_of_variance(trials, 22) > 4.5);
+  const auto r = estimate(trials, {.samples = 1 << 16});
+  CHECK(r.work_per_sample() == Approx(5).epsilon(0.02));
+  // The same from a number below a majorant: p = E X / M = 2/3.
+  CHECK(z_of_variance(reciprocal_trials(bounded, 1.5), (1 - 2.0 / 3) / (4.0 / 9) / 2.25) < 4.5);
+}
+
+TEST_CASE("roulette on the running weight of the series is trials, in law: equal variance and work",
+          "[reciprocal][statistical]") {
+  const auto series = roulette(reciprocal_series(bounded, 1.5), RunningWeight(1 / 1.5));
+  CHECK(z_of_variance(series, (1 - 2.0 / 3) / (4.0 / 9) / 2.25) < 4.5);
+  const auto a = estimate(series, {.samples = 1 << 16});
+  const auto b = estimate(reciprocal_trials(bounded, 1.5), {.samples = 1 << 16});
+  CHECK(a.work_per_sample() == Approx(b.work_per_sample() + 1).epsilon(0.02));  // and 1 for 1 / a
+}
+
+TEST_CASE("dependent trials are rejected, independent ones are not", "[reciprocal][statistical]") {
+  const auto half = [](Stream& rng) { return rng.uniform() < 0.5 ? 1.0 : 0.0; };
+  CHECK_FALSE(unbiased(DependentTrials{}, 2));
+  CHECK(estimate(DependentTrials{}, {.samples = 1 << 16}).mean == Approx(1.5).epsilon(0.02));
+  CHECK(unbiased(reciprocal_trials(half, 1), 2));
+}
+
+TEST_CASE("the product has the variance of its formula, and its best survival from a pilot",
+          "[reciprocal][statistical]") {
+  // E Z^2 = w^2 / (1 - s) sum (b / s)^k, b = E (1 - w X)^2
+  const double w = 0.8;
+  const double b = 1 - 2 * w + w * w * 13 / 12;
+  const auto variance = [&](double s) { return w * w / (1 - s) / (1 - b / s) - 1; };
+  CHECK(z_of_variance(ReciprocalProduct(bounded, w, 0.5), variance(0.5)) < 4.5);
+  CHECK(z_of_variance(ReciprocalProduct(bounded, w, 0.5), variance(0.45)) > 4.5);
+  CHECK(z_of_variance(reciprocal_residual(bounded, 0.5, 1.5),
+                      (1 / 2.25) / (1.0 / 3) / (1 - (1 - 2 / 1.5 + 13.0 / 12 / 2.25) / (2.0 / 3)) - 1) < 4.5);
+  const Moments pilot = Moments::of(std::vector<double>{0.5, 1.5});  // E X = 1, E X^2 = 1.25
+  CHECK(reciprocal_product(bounded, 0.5, pilot).describe() == "reciprocal_product, w 0.500000, survival 0.559017");
+  CHECK_THROWS_WITH(reciprocal_product(bounded, 1.6, pilot), Catch::Contains("0.8"));
+}
+
+TEST_CASE("a clamp that vanishes with the level telescopes and makes draws of zero harmless",
+          "[reciprocal][statistical]") {
+  // X = 0 or 2 with equal chance: the plain doubling is infinite in every second sample.
+  const auto sometimes_zero = [](Stream& rng) { return rng.uniform() < 0.5 ? 0.0 : 2.0; };
+  const auto clamped = clamped_reciprocal(sometimes_zero);
+  // All draws of level k zero: D_k is of the size 2^k, with probability 2^-2^(k-1); above level 6 nothing of it is left.
+  CHECK(sequence_laws(clamped, {.first = 2, .last = 8, .samples = 8192, .rates = false}) == Failures{});
+  CHECK(unbiased(single_term(clamped, Geometric(0.6), {.base_level = 2}), 1, 1 << 18));
+  const auto touching = clamped_reciprocal_of_integral(
+      [](double x) { return 4 * (1 + std::sin(2 * std::numbers::pi * x)); }, 1,
+      {.rates = {Rates::faster_than_any, 1}});
+  CHECK(unbiased(single_term(touching, Geometric(0.6), {.base_level = 1}), 0.25));
+
+  // Power check: a clamp that does not telescope.
+  struct NoTelescope {
+    double at(std::int64_t level, double m) const {
+      return 1 / std::fmax(m, std::ldexp(1.0, -static_cast<int>(level) - 1));
+    }
+    double gap(std::int64_t level, double m, double d) const {
+      return at(level, m) - 0.5 * (at(level, m + d) + at(level, m - d));
+    }
+  };
+  CHECK(sequence_laws(function_of_mean(sometimes_zero, NoTelescope{}),
+                      {.first = 1, .last = 4, .samples = 1 << 16, .rates = false}) != Failures{});
+  CHECK(sequence_laws(clamped, {.first = 1, .last = 4, .samples = 1 << 16, .rates = false}) == Failures{});
+}
+
+TEST_CASE("the reciprocal of an array is taken component by component", "[reciprocal][statistical]") {
+  const auto rgb = [](Stream& rng) {
+    const double u = rng.uniform();
+    return Eigen::Array3d(0.5 + u, 1 + u, 3 - u);
+  };
+  const Eigen::Array3d truth(1, 2.0 / 3, 0.4);
+  CHECK(estimator_laws(single_term(reciprocal(rgb)), truth) == Failures{});
+  CHECK(estimator_laws(roulette(reciprocal_series(rgb, 1.8), Geometric(0.3)), truth) == Failures{});
+}
+
+TEST_CASE("arguments that no reciprocal can have are refused, and draws beyond a majorant thrown out loud",
+          "[reciprocal][exact]") {
+  CHECK_THROWS_AS(reciprocal_trials(bounded, 0), std::invalid_argument);
+  CHECK_THROWS_WITH(reciprocal_residual(bounded, 0, 1.5), Catch::Contains("reciprocal_trials"));
+  CHECK_THROWS_AS(reciprocal_residual(bounded, 2, 1.5), std::invalid_argument);
+  CHECK_THROWS_AS(ReciprocalProduct(bounded, 0, 0.5), std::invalid_argument);
+  CHECK_THROWS_AS(ReciprocalProduct(bounded, 1, 1), std::invalid_argument);
+  CHECK_THROWS_AS(reciprocal_product(bounded, 1, Moments{}), std::invalid_argument);
+  Stream rng(1, 0);
+  CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return 2.0; }, 1.5)(rng), std::domain_error);
+  CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return std::nan(""); }, 1.5)(rng), std::domain_error);
 }

@@ -26,6 +26,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
+#include <debias/function_of_mean/points.hpp>
 
 namespace debias {
 
@@ -41,72 +42,36 @@ concept OffersGap = FunctionOfMean<G, M> && requires(const G& g, const M& mean, 
   { g.gap(mean, half_difference) } -> std::same_as<std::remove_cvref_t<decltype(g(mean))>>;
 };
 
-/// 2^level. Throws std::invalid_argument below level 0 and std::length_error where the number of draws leaves
-/// the 64-bit integers (a law that gets there has a tail of infinite work).
-inline std::int64_t doubled_draws(std::int64_t level) {
-  if (level < 0) {
-    throw std::invalid_argument("doubling: level = " + std::to_string(level) + " (must be at least 0)");
-  }
-  if (level > 62) {
-    throw std::length_error("doubling: level " + std::to_string(level) +
-                            " needs 2^level draws (beyond int64); choose a law with a lighter tail");
-  }
-  return std::int64_t{1} << level;
-}
-
 namespace detail {
 
-/// Where a doubling takes its numbers from: `points(level, rng)` begins one draw of a level and returns a
-/// callable of the point's number 0 ... 2^level - 1, which is called once for each, in any order. Besides:
-/// `scale`, by which their mean is multiplied, and `extra_work`, what a draw costs beside its points.
-template <class P>
-concept Points = requires(const P& p, std::int64_t level, Stream& rng) {
-  requires Value<std::remove_cvref_t<decltype(p.points(level, rng)(level))>>;
-  { p.scale } -> std::convertible_to<double>;
-  { p.extra_work } -> std::convertible_to<double>;
+/// A function that changes with the level: at(level, m), and gap(level, m, d) with the coarse function in the halves.
+template <class G, class M>
+concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
+  requires Value<std::remove_cvref_t<decltype(g.at(level, m))>>;
+  { g.gap(level, m, m) } -> std::same_as<std::remove_cvref_t<decltype(g.at(level, m))>>;
 };
 
-/// Independent draws of X. Their numbers do not matter.
-template <RandomVariable X>
-struct IndependentPoints {
-  X x;
-  static constexpr double scale = 1;
-  static constexpr double extra_work = 0;
-
-  auto points(std::int64_t /*level*/, Stream& rng) const {
-    return [this, &rng](std::int64_t /*i*/) { return x(rng); };
+template <class G, class M>
+auto value_at(const G& g, std::int64_t level, const M& m) {
+  if constexpr (LevelFunction<G, M>) {
+    return g.at(level, m);
+  } else {
+    return g(m);
   }
-};
-
-/// f at equidistant points with one random offset.
-template <class F>
-struct CombPoints {
-  F f;
-  double from;
-  double scale;  // the length of the interval
-  static constexpr double extra_work = 0;
-
-  auto points(std::int64_t level, Stream& rng) const {
-    const double offset = rng.uniform();
-    const double step = scale / static_cast<double>(doubled_draws(level));
-    return [this, offset, step](std::int64_t i) {
-      const double x = from + step * (static_cast<double>(i) + offset);
-      return f(x);
-    };
-  }
-};
+}
 
 }  // namespace detail
 
 /// The sequence g(mean of 2^k points). Stores nothing per point: sums run group by group.
 template <detail::Points P, class G>
 class Doubling {
-  using Point = std::remove_cvref_t<decltype(std::declval<const P&>().points(0, std::declval<Stream&>())(0))>;
-  using Mean = mean_t<Point>;
-  static_assert(FunctionOfMean<G, Mean>, "g(mean) must return a Value; of Eigen an array, not an expression");
+  using Mean =
+      std::remove_cvref_t<decltype(std::declval<const P&>().points(0, 0, std::declval<Stream&>())())>;
+  static_assert(FunctionOfMean<G, Mean> || detail::LevelFunction<G, Mean>,
+                "g(mean) must return a Value; of Eigen an array, not an expression");
 
  public:
-  using value_type = std::remove_cvref_t<std::invoke_result_t<const G&, const Mean&>>;
+  using value_type = decltype(detail::value_at(std::declval<const G&>(), 0, std::declval<const Mean&>()));
 
   Rates rates;
 
@@ -116,14 +81,15 @@ class Doubling {
   /// Throws, like the members below, std::length_error above level 62.
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
     if (level == 0) return base(value_of_one_point(rng), work(0));
-    const Halves sums = halves(level, 0, rng, [](const Mean&, const Mean&) {});
-    return {g_(mean(sums, level)), difference(sums, level), work(level)};
+    const Halves sums = halves(level, 0, rng, NoVisit{});
+    return {detail::value_at(g_, level, mean(sums, level)), difference(sums, level), work(level)};
   }
 
   /// I_level alone.
   Term<value_type> value_at(std::int64_t level, Stream& rng) const {
     if (level == 0) return {value_of_one_point(rng), work(0)};
-    return {g_(mean(halves(level, 0, rng, [](const Mean&, const Mean&) {}), level)), work(level)};
+    const Halves sums = halves(level, 0, rng, NoVisit{});
+    return {detail::value_at(g_, level, mean(sums, level)), work(level)};
   }
 
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
@@ -136,7 +102,7 @@ class Doubling {
     const double per_point = points_.scale / static_cast<double>(doubled_draws(base_level));
     std::optional<mean_t<value_type>> values;
     const auto add = [&](const Mean& group) {
-      mean_t<value_type> value(g_(scaled(group, per_point)));
+      mean_t<value_type> value(detail::value_at(g_, base_level, scaled(group, per_point)));
       if (values) {
         values = sum(std::move(*values), value);
       } else {
@@ -152,31 +118,35 @@ class Doubling {
   }
 
  private:
+  struct NoVisit {
+    void operator()(const Mean& /*even*/, const Mean& /*odd*/) const {}
+  };
+
   /// The sums over the even and over the odd groups.
   struct Halves {
     Mean even;
     Mean odd;
   };
 
-  /// Sums 2^level points by groups of 2^group_level < 2^level. Group r holds the points r, r + groups, ...:
-  /// on a comb a coarser comb, of independent draws a consecutive block. `visit` sees the sums pair by pair.
+  /// Sums 2^level points by groups of 2^group_level < 2^level; `visit` sees the sums pair by pair.
   template <class Visit>
   Halves halves(std::int64_t level, std::int64_t group_level, Stream& rng, const Visit& visit) const {
-    const std::int64_t count = doubled_draws(level);
+    doubled_draws(level);  // throws for a level too deep, before anything is drawn
     const std::int64_t groups = doubled_draws(level - group_level);
-    const auto point = points_.points(level, rng);
-    const auto group = [&](std::int64_t r) {
-      Mean total(point(r));
-      for (std::int64_t i = r + groups; i < count; i += groups) total = sum(std::move(total), Mean(point(i)));
-      return total;
-    };
-    Mean even = group(0);
-    Mean odd = group(1);
+    auto group = points_.points(level, group_level, rng);
+    if constexpr (std::same_as<Visit, NoVisit> && requires { group.halves(); }) {
+      if (group_level == 0) {
+        const auto sums = group.halves();
+        return {sums.even(), sums.odd()};
+      }
+    }
+    Mean even = group();
+    Mean odd = group();
     visit(even, odd);
     Halves sums{std::move(even), std::move(odd)};
     for (std::int64_t r = 2; r < groups; r += 2) {
-      even = group(r);
-      odd = group(r + 1);
+      even = group();
+      odd = group();
       visit(even, odd);
       sums.even = sum(std::move(sums.even), even);
       sums.odd = sum(std::move(sums.odd), odd);
@@ -185,7 +155,7 @@ class Doubling {
   }
 
   value_type value_of_one_point(Stream& rng) const {
-    return g_(scaled(Mean(points_.points(0, rng)(0)), points_.scale));
+    return detail::value_at(g_, 0, scaled(points_.points(0, 0, rng)(), points_.scale));
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
@@ -195,7 +165,9 @@ class Doubling {
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
     const double per_point = points_.scale / static_cast<double>(doubled_draws(level));
-    if constexpr (OffersGap<G, Mean>) {
+    if constexpr (detail::LevelFunction<G, Mean>) {
+      return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+    } else if constexpr (OffersGap<G, Mean>) {
       return g_.gap(mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
     } else {
       const value_type even = g_(scaled(sums.even, 2 * per_point));
@@ -225,16 +197,79 @@ struct IntegralOptions {
   Rates rates = {4, 1};  ///< for smooth f and g; see the head of this file for others
 };
 
+namespace detail {
+inline void check_interval(const char* name, double from, double to) {
+  if (std::isfinite(from) && std::isfinite(to)) return;
+  throw std::invalid_argument(std::string(name) + ": the interval is not finite; substitute the variable");
+}
+}  // namespace detail
+
 /// g(integral of f over [from, to]) on a comb: `f(x)` is a Value at a double, `g` sees the integral.
 /// Throws std::invalid_argument for an interval that is not finite.
 template <class F, class G>
 auto function_of_integral(F f, G g, const IntegralOptions& options = {}) {
-  if (!std::isfinite(options.from) || !std::isfinite(options.to)) {
-    throw std::invalid_argument("function_of_integral: the interval is not finite; substitute the variable");
-  }
-  using P = detail::CombPoints<F>;
+  detail::check_interval("function_of_integral", options.from, options.to);
+  using P = detail::IntervalPoints<F, detail::CombPositions>;
   P points{std::move(f), options.from, options.to - options.from};
   return Doubling<P, G>(std::move(points), std::move(g), options.rates);
+}
+
+struct JitteredOptions {
+  double from = 0;
+  double to = 1;
+  Rates rates = {6, 1};  ///< for smooth f and g; {4, 1} where f jumps
+};
+
+/// The same with one independent point in each of 2^k equal parts: for f that does not continue periodically.
+template <class F, class G>
+auto function_of_jittered_integral(F f, G g, const JitteredOptions& options = {}) {
+  detail::check_interval("function_of_jittered_integral", options.from, options.to);
+  using P = detail::IntervalPoints<F, detail::JitteredPositions>;
+  P points{std::move(f), options.from, options.to - options.from};
+  return Doubling<P, G>(std::move(points), std::move(g), options.rates);
+}
+
+/// The integral of f over [from, to] from one comb of `points` equidistant points with a random offset, as a random
+/// variable: what taylor.hpp multiplies.
+template <class F>
+class CombMean {
+ public:
+  /// Throws std::invalid_argument unless points >= 1 and the interval is finite.
+  CombMean(F f, std::int64_t points, double from, double to)
+      : work(static_cast<double>(points)),
+        f_(std::move(f)),
+        points_(points),
+        from_(from),
+        length_(to - from) {
+    detail::check_interval("comb_mean", from, to);
+    if (points < 1) {
+      throw std::invalid_argument("comb_mean: points = " + std::to_string(points) + " (must be at least 1)");
+    }
+  }
+
+  auto operator()(Stream& rng) const {
+    using M = mean_t<std::remove_cvref_t<std::invoke_result_t<const F&, double>>>;
+    const double offset = rng.uniform();
+    const double step = length_ / work;
+    M total(f_(from_ + step * offset));
+    for (std::int64_t i = 1; i < points_; ++i) {
+      total = sum(std::move(total), M(f_(from_ + step * (static_cast<double>(i) + offset))));
+    }
+    return scaled(std::move(total), step);
+  }
+
+  double work;  ///< look-ups of a draw
+
+ private:
+  F f_;
+  std::int64_t points_;
+  double from_;
+  double length_;
+};
+
+template <class F>
+CombMean<F> comb_mean(F f, std::int64_t points, double from = 0, double to = 1) {
+  return {std::move(f), points, from, to};
 }
 
 }  // namespace debias

@@ -29,8 +29,10 @@ struct ConditionalPoints {
   static constexpr double scale = 1;
   static constexpr double extra_work = 1;
 
-  auto points(std::int64_t /*level*/, Stream& rng) const {
-    return [this, &rng, y = outer(rng)](std::int64_t /*i*/) { return inner(y, rng); };
+  auto points(std::int64_t /*level*/, std::int64_t group_level, Stream& rng) const {
+    return [this, &rng, y = outer(rng), size = doubled_draws(group_level)] {
+      return sum_of(size, [&] { return inner(y, rng); });
+    };
   }
 };
 

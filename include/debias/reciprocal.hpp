@@ -1,33 +1,181 @@
 #pragma once
 
-// 1 / E X, and 1 / (integral of f), by doubling.
+// 1 / E X, and 1 / (integral of f), by every published method; reciprocal(x) is the one to begin with.
 //
-//   I_k = 1 / (mean of 2^k),  D_k = -d^2 / (m (m - d) (m + d)),  m = mean, d = half the difference of halves
+//   name                 needs                one sample is                                  variance    work   sign
+//   reciprocal           X of one sign        1 / mean of 2^k draws, doubling                least       2^k    any
+//   clamped_reciprocal   X >= 0, zeros too    the same, means below 2^-(k+1) clamped         small       2^k    any
+//   reciprocal_series    0 <= X <= 2a, say    sum (1 - X/a)^k / a term by term               roulette's  1/s    any
+//   reciprocal_trials    0 <= X <= M          number of trials until u M < X, over M         (M/E X)^2   M/E X  +
+//   reciprocal_residual  m <= X <= M          prod (M - X_i) / (M - m) / m, K geometric      grows M/m   M/m    +
+//   reciprocal_product   w < 2 E X / E X^2    w prod (1 - w X_i) / P(K), P geometric         pilot's     1/wEX  any
 //
-// Needs an X of one sign with E X not 0; differences and rates are those of function_of_mean.hpp.
-// Fails near zero. Where X has a positive density at 0, the q-th moment of I_k is finite only for 2^k > q:
-// start at base level 2 for a finite variance, at 3 for a standard error that can be trusted. Where X is zero
-// with probability p > 0, I_k is infinite with probability p^(2^k), and no base level helps.
-// Sources: Blanchet & Glynn, WSC 2015; Misso et al., ACM TOG 41(4), 2022 (combs).
+// Doubling: D_k = -d^2 / (m (m - d) (m + d)), m = mean, d = half the difference of the halves. Where X has a positive
+// density at 0, the q-th moment of I_k is finite only for 2^k > q: start at base level 2 or 3. Where X is zero with
+// probability p, I_k is infinite with probability p^(2^k), unless it is clamped. Sources: Blanchet & Glynn, WSC 2015;
+// Misso et al. 2022 (combs, clamp); Booth 2007; Zeltner et al. 2020 (trials); Moka, Kroese & Juneja 2019 (product).
 
+#include <cmath>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
+#include <debias/core/accumulator.hpp>
+#include <debias/core/estimator.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
+#include <debias/taylor.hpp>
 
 namespace debias {
 
-/// 1 / E X for real X: `x(rng)` draws X.
+/// 1 / E X for real X, or an array of them: `x(rng)` draws X.
 template <RandomVariable X>
 auto reciprocal(X x, const Rates& rates = {2, 1}) {
-  return function_of_mean(std::move(x), functions::Reciprocal{}, rates);
+  if constexpr (RealValue<draw_t<X>>) {
+    return function_of_mean(std::move(x), functions::Reciprocal{}, rates);
+  } else {
+    return function_of_mean(std::move(x), functions::componentwise(functions::Reciprocal{}), rates);
+  }
 }
 
 /// 1 / (integral of f over [from, to]) for real f: one comb of equidistant points a draw.
 template <class F>
 auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
   return function_of_integral(std::move(f), functions::Reciprocal{}, options);
+}
+
+/// 1 / max(m, scale 2^-(level + 1)): the bound vanishes in the limit, so the differences still telescope.
+struct ClampedReciprocal {
+  double scale = 1;  ///< of the means: small against E X, so that the clamp is rarely met
+
+  double at(std::int64_t level, double m) const { return 1 / std::fmax(m, floor(level)); }
+  /// at(level, m) - (at(level - 1, m + d) + at(level - 1, m - d)) / 2; without cancellation where nothing is clamped.
+  double gap(std::int64_t level, double m, double d) const {
+    if (m - std::abs(d) >= floor(level - 1)) return functions::Reciprocal{}.gap(m, d);
+    return at(level, m) - 0.5 * (at(level - 1, m + d) + at(level - 1, m - d));
+  }
+
+ private:
+  [[nodiscard]] double floor(std::int64_t level) const {
+    return std::ldexp(scale, -static_cast<int>(level < 1000 ? level : 1000) - 1);
+  }
+};
+
+/// 1 / E X for X >= 0 that may be zero.
+template <RandomVariable X>
+auto clamped_reciprocal(X x, double scale = 1, const Rates& rates = {2, 1}) {
+  return function_of_mean(std::move(x), ClampedReciprocal{scale}, rates);
+}
+/// 1 / (integral of f) for f >= 0 that may be zero.
+template <class F>
+auto clamped_reciprocal_of_integral(F f, double scale = 1, const IntegralOptions& options = {}) {
+  return function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
+}
+
+/// The terms (1 / a) prod (1 - X_i / a), a a number or a Centre; for roulette [Booth 2007].
+template <RandomVariable X, class A>
+auto reciprocal_series(X x, const A& a) {
+  return taylor(std::move(x), functions::Reciprocal{}, a);
+}
+
+/// Counts independent trials with success probability X / majorant until the first success.
+template <RandomVariable X>
+class ReciprocalTrials {
+ public:
+  /// Throws std::invalid_argument unless the majorant is positive and finite.
+  ReciprocalTrials(X x, double majorant) : x_(std::move(x)), majorant_(majorant) {
+    if (majorant > 0 && std::isfinite(majorant)) return;
+    throw std::invalid_argument("reciprocal_trials: majorant = " + std::to_string(majorant) +
+                                " (must be positive and finite, a bound of X); 1 for X in {0, 1}");
+  }
+
+  /// Throws std::domain_error for a draw outside [0, majorant]: a clamped one would be a bias.
+  Sample<double> operator()(Stream& rng) const {
+    for (std::int64_t trials = 1;; ++trials) {
+      const double x = x_(rng);
+      if (!(x >= 0 && x <= majorant_)) refuse(x);
+      if (rng.uniform() * majorant_ < x) {
+        return {static_cast<double>(trials) / majorant_, static_cast<double>(trials) * detail::work_of(x_), trials};
+      }
+    }
+  }
+  [[nodiscard]] std::string describe() const { return "reciprocal_trials, majorant " + std::to_string(majorant_); }
+
+ private:
+  [[noreturn]] void refuse(double x) const {
+    throw std::domain_error("reciprocal_trials: X = " + std::to_string(x) + " (must lie in [0, majorant = " +
+                            std::to_string(majorant_) + "]); take a larger majorant");
+  }
+
+  X x_;
+  double majorant_;
+};
+
+/// 1 / E X from 0 <= X <= majorant; with majorant 1 and X in {0, 1}, from events of unknown probability.
+template <RandomVariable X>
+ReciprocalTrials<X> reciprocal_trials(X x, double majorant) {
+  return {std::move(x), majorant};
+}
+
+/// w prod_(i <= K) (1 - w X_i) / P(K), P(K = k) = (1 - s) s^k: one term of the series about 1 / w, drawn geometrically.
+template <RandomVariable X>
+class ReciprocalProduct {
+ public:
+  /// Throws std::invalid_argument unless w != 0 is finite and survival lies in (0, 1).
+  ReciprocalProduct(X x, double w, double survival) : x_(std::move(x)), w_(w), survival_(survival) {
+    if (w == 0 || !std::isfinite(w)) {
+      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (must be finite and not 0)");
+    }
+    if (!(survival > 0 && survival < 1)) {
+      throw std::invalid_argument("reciprocal_product: survival = " + std::to_string(survival) +
+                                  " (must lie in (0, 1), above E (1 - w X)^2 for a finite variance)");
+    }
+  }
+
+  Sample<double> operator()(Stream& rng) const {
+    double value = w_ / (1 - survival_);
+    std::int64_t draws = 0;
+    for (; rng.uniform() < survival_; ++draws) value *= (1 - w_ * x_(rng)) / survival_;
+    return {value, 1 + static_cast<double>(draws) * detail::work_of(x_), draws};
+  }
+  [[nodiscard]] std::string describe() const {
+    return "reciprocal_product, w " + std::to_string(w_) + ", survival " + std::to_string(survival_);
+  }
+
+ private:
+  X x_;
+  double w_;
+  double survival_;
+};
+
+/// The product with the survival sqrt(E (1 - w X)^2) that is best for variance x work, from a pilot run of X.
+/// Throws std::invalid_argument where the variance would be infinite, with a w where it is not.
+template <RandomVariable X>
+ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
+  if (pilot.count < 2) throw std::invalid_argument("reciprocal_product: the pilot has fewer than 2 draws");
+  const double square = pilot.mean * pilot.mean + pilot.m2 / static_cast<double>(pilot.count);
+  const double b = 1 - 2 * w * pilot.mean + w * w * square;
+  if (!(b < 1)) {
+    throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (E (1 - w X)^2 = " +
+                                std::to_string(b) + " must be below 1 for a finite variance); " +
+                                std::to_string(pilot.mean / square) + " = E X / E X^2 makes it least");
+  }
+  return {std::move(x), w, std::sqrt(b > 0 ? b : 1e-3)};
+}
+
+/// 1 / E X from bounds minimum <= X <= majorant: the product with w = 1 / majorant and survival 1 - minimum / majorant,
+/// every factor in [0, 1]. A minimum above that of X stays unbiased while E (M - X)^2 < M (M - minimum).
+/// Throws std::invalid_argument unless 0 < minimum < majorant.
+template <RandomVariable X>
+ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
+  if (!(minimum > 0 && minimum < majorant)) {
+    throw std::invalid_argument("reciprocal_residual: minimum = " + std::to_string(minimum) + ", majorant = " +
+                                std::to_string(majorant) + " (must be 0 < minimum < majorant); without a positive "
+                                "minimum take reciprocal_trials");
+  }
+  return {std::move(x), 1 / majorant, 1 - minimum / majorant};
 }
 
 }  // namespace debias

@@ -1,0 +1,135 @@
+#pragma once
+
+// The published estimators of exp(-integral of f over [0, 1]) as anybody writes them: plain loops, one stream a
+// sample. f(x) is the integrand, a its bound. What the library's are compared with.
+
+#include <cmath>
+
+#include <debias/core/stream.hpp>
+
+namespace debias::bench::plain {
+
+/// Ratio tracking, its order by inversion of the Poisson law.
+template <class F>
+double ratio_tracking(const F& f, double a, Stream& rng) {
+  const double u = rng.uniform();
+  double mass = std::exp(-a);
+  double cdf = mass;
+  int order = 0;
+  while (u > cdf && order < 1000) {
+    mass *= a / ++order;
+    cdf += mass;
+  }
+  double weight = 1;
+  for (int i = 0; i < order; ++i) weight *= 1 - f(rng.uniform()) / a;
+  return weight;
+}
+
+/// p-series, cumulative: roulette on the running weight [Georgiev et al. 2019].
+template <class F>
+double p_series_cumulative(const F& f, double a, Stream& rng) {
+  double weight = 1;
+  double sum = 1;
+  for (int i = 1;; ++i) {
+    weight *= (a - f(rng.uniform())) / i;
+    const double p = std::abs(weight);
+    if (p < 1) {
+      if (rng.uniform() >= p) break;
+      weight /= p;
+    }
+    sum += weight;
+  }
+  return std::exp(-a) * sum;
+}
+
+/// p-series, CMF: `prefix` terms, then roulette by index.
+template <class F>
+double p_series_cmf(const F& f, double a, int prefix, Stream& rng) {
+  double weight = 1;
+  double sum = 1;
+  for (int i = 1;; ++i) {
+    if (i > prefix) {
+      const double p = std::fmin(1, a / i);
+      if (rng.uniform() >= p) break;
+      weight /= p;
+    }
+    weight *= (a - f(rng.uniform())) / i;
+    sum += weight;
+  }
+  return std::exp(-a) * sum;
+}
+
+/// Pivoted U-statistics on combs of `points` [Kettunen et al. 2021], zero = 0.9, first = 2, c = 2.
+template <class F>
+double u_statistics(const F& f, int points, Stream& rng) {
+  double x[64];
+  double weights[64];
+  int n = 0;
+  weights[0] = 1;
+  if (rng.uniform() <= 0.1) {
+    n = 2;
+    double tail = 0.1;
+    weights[1] = weights[2] = 1 / tail;
+    while (n < 62 && rng.uniform() < 2.0 / (n + 1)) {
+      ++n;
+      tail *= 2.0 / n;
+      weights[n] = 1 / tail;
+    }
+  }
+  for (int i = 0; i <= n; ++i) {
+    const double u = rng.uniform();
+    double sum = 0;
+    for (int j = 0; j < points; ++j) sum += f((j + u) / points);
+    x[i] = -sum / points;
+  }
+  double total = 0;
+  for (int p = 0; p <= n; ++p) {
+    double m[64] = {1};
+    int used = 0;
+    for (int i = 0; i <= n; ++i) {
+      if (i == p) continue;
+      ++used;
+      const double y = x[i] - x[p];
+      for (int k = used; k > 0; --k) m[k] += (m[k - 1] * y - m[k]) * k / used;
+    }
+    double factorial = 1;
+    double series = 0;
+    for (int k = 0; k <= n; ++k) {
+      if (k > 0) factorial *= k;
+      series += m[k] / factorial * weights[k];
+    }
+    total += std::exp(x[p]) * series;
+  }
+  return total / (n + 1);
+}
+
+/// Telescoping comb, geometric law with parameter r, the base averaged over all combs of 2^base points.
+template <class F>
+double telescoping_comb(const F& f, int base, double r, Stream& rng) {
+  int level = base + 1;
+  double mass = r;
+  double tail = 1 - r;
+  for (const double u = rng.uniform(); u <= tail && level < 62; ++level) {
+    mass *= 1 - r;
+    tail *= 1 - r;
+  }
+  const int n = 1 << level;
+  const int groups = 1 << (level - base);
+  const double u = rng.uniform();
+  double even = 0;
+  double odd = 0;
+  double bases = 0;
+  for (int g = 0; g < groups; ++g) {
+    double sum = 0;
+    for (int i = g; i < n; i += groups) sum += f((i + u) / n);
+    (g % 2 == 0 ? even : odd) += sum;
+    bases += std::exp(-sum * groups / n);
+  }
+  const double mean = (even + odd) / n;
+  const double half = (even - odd) / n;
+  const double fall = std::expm1(-std::abs(half));
+  const double difference = -0.5 * std::exp(-mean + std::abs(half)) * fall * fall;
+  return bases / groups + difference / mass;
+}
+
+}  // namespace debias::bench::plain
