@@ -5,10 +5,16 @@
 #include <complex>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
 #include <Eigen/Core>
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
 
 #include "catch_shim.hpp"
 #include "laws/sequence_laws.hpp"
@@ -131,30 +137,203 @@ TEST_CASE("the slope of f(x) = x is exactly 1 at every level, wherever it is tak
   CHECK(naive_misses > 100);  // what the exact step is for
 }
 
-TEST_CASE("the rounding error stays below 2^k eps |f| / h_0 down to the last level", "[derivative][exact]") {
-  const auto s = finite_difference([](double x) { return std::sin(x); }, 1.0);
+TEST_CASE("the rounding error stays below 2^k eps |f| / h_0 down to the last level that has a step",
+          "[derivative][exact]") {
+  const auto s = finite_difference([](double x) { return std::sin(x); }, 1.0, {.last_level = 50});
   REQUIRE(s.last_level() == 50);  // 1.5 * 2^-50 is six neighbours of 1
+  CHECK_THROWS_AS(finite_difference([](double x) { return std::sin(x); }, 1.0, {.last_level = 51}),
+                  std::invalid_argument);
   for (std::int64_t k = 13; k <= s.last_level(); ++k) {
     const double h = (1 + step(1.5, k)) - 1;
     const double exact = std::cos(1 + h / 2) * std::sin(h / 2) / (h / 2);
     CHECK(std::abs(s(k, unused).value - exact) < rounding(1, 1.5, k));
+    CHECK(std::abs(s(k, unused).value - exact) < 1.01 * s.rounding_error(k));
   }
 }
 
-TEST_CASE("a level whose step is lost throws, and the message says which level is the last",
+TEST_CASE("levels stop where rounding outgrows the difference: about sqrt, cube and fourth root of eps",
+          "[derivative][exact]") {
+  const auto f = [](double x) { return std::sin(x); };
+  CHECK(std::abs(finite_difference(f, 1.0).last_level() - 26) <= 2);
+  CHECK(std::abs(finite_difference(f, 1.0, {.kind = Difference::central}).last_level() - 17) <= 2);
+  CHECK(std::abs(finite_difference(f, 1.0, {.kind = Difference::second}).last_level() - 13) <= 2);
+  CHECK(std::abs(finite_difference(f, 1.0, {}, {1, 0}).last_level() - 35) <= 2);
+  // cancellation costs levels: 20 bits of f are lost to the 1e6, a half of them at each end
+  const auto lifted = [](double x) { return std::exp(x) + 1e6; };
+  const auto plain = [](double x) { return std::exp(x); };
+  CHECK(std::abs(finite_difference(plain, 0.0).last_level() - finite_difference(lifted, 0.0).last_level() - 10) <= 1);
+  // at a zero of f nothing rounds
+  CHECK(finite_difference(f, 0.0).last_level() == 500);
+}
+
+TEST_CASE("beyond the last level the difference is 0 and the value that of the last, or it throws on request",
           "[derivative][exact]") {
   const auto f = [](double x) { return std::sin(x); };
   const auto s = finite_difference(f, 1.0);
-  CHECK_NOTHROW(s(50, unused));
-  CHECK_THROWS_AS(s(51, unused), std::length_error);
-  CHECK_THROWS_AS(s.value_at(51, unused), std::length_error);
-  CHECK_THROWS_AS(s(std::int64_t{1} << 40, unused), std::length_error);
-  CHECK_THROWS_WITH(s(51, unused), Catch::Contains("the last level is 50") && Catch::Contains("truncated"));
-  CHECK(finite_difference(f, 1024.0).last_level() == 40);
-  CHECK(finite_difference(f, 0.0).last_level() == 500);
+  const std::int64_t last = s.last_level();
+  for (const std::int64_t level : {last + 1, last + 40, std::int64_t{1} << 40}) {
+    CHECK(s(level, unused).difference == 0);
+    CHECK(s(level, unused).value == s(last, unused).value);
+    CHECK(s.value_at(level, unused).value == s(last, unused).value);
+    CHECK(s(level, unused).work == 2);
+  }
+  const auto strict = finite_difference(f, 1.0, {.last_level = 50, .beyond = BeyondLast::throws});
+  CHECK_NOTHROW(strict(50, unused));
+  CHECK_THROWS_AS(strict(51, unused), std::length_error);
+  CHECK_THROWS_AS(strict.value_at(51, unused), std::length_error);
+  CHECK_THROWS_AS(strict(std::int64_t{1} << 40, unused), std::length_error);
+  CHECK_THROWS_WITH(strict(51, unused), Catch::Contains("the last level is 50") && Catch::Contains("truncates"));
   CHECK(finite_difference([](double x) { return x * x; }, 0.0, {.kind = Difference::second})
             .value_at(500, unused)
             .value == 2);
+}
+
+namespace {
+
+// The same run with the deepest level that the sweep allows.
+template <class F>
+Result<double> cut_run(const F& f, double at, std::int64_t last, std::int64_t samples) {
+  const auto s = finite_difference(f, at, {.last_level = last});
+  return estimate(single_term(s), {.samples = samples, .seed = 4});
+}
+
+}  // namespace
+
+TEST_CASE("the result knows its bias: a sweep over the deepest level stays below the bound, which is least where "
+          "rounding takes over",
+          "[derivative][statistical]") {
+  struct Trial {
+    double (*f)(double);
+    double at;
+    double truth;
+  };
+  for (const Trial& t : {Trial{[](double x) { return std::sin(x); }, 1.0, std::cos(1.0)},
+                         Trial{[](double x) { return std::exp(x) + 1e6; }, 0.0, 1.0}}) {
+    const std::int64_t own = finite_difference(t.f, t.at).last_level();
+    double least = std::numeric_limits<double>::infinity();
+    std::int64_t least_level = -1;
+    for (std::int64_t last = 2; last <= 44; ++last) {
+      const auto s = finite_difference(t.f, t.at, {.last_level = last});
+      const Result<double> r = cut_run(t.f, t.at, last, 1 << 12);
+      // nothing is random but the level: the mean over the law is I_last itself
+      const double error = std::abs(s.value_at(last, unused).value - t.truth);
+      INFO("last level " << last << ", error " << error << ", bound " << r.bias_bound.size);
+      CHECK(error <= r.bias_bound.size);
+      if (r.bias_bound.size < least) {
+        least = r.bias_bound.size;
+        least_level = last;
+      }
+    }
+    CHECK(std::abs(least_level - own) <= 3);
+    // power check: a bound without its rounding term would have failed at the deepest level
+    const auto deep = finite_difference(t.f, t.at, {.last_level = 44});
+    CHECK(std::abs(deep.value_at(44, unused).value - t.truth) > 1e-3 * deep.rounding_error(44));
+    CHECK(std::abs(deep.value_at(44, unused).value - t.truth) > std::ldexp(1.0, -40));
+  }
+}
+
+TEST_CASE("the bound of a run is in its result, printed, and kept by a merge", "[derivative][exact]") {
+  const auto s = single_term(finite_difference([](double x) { return std::sin(x); }, 1.0));
+  const auto a = estimate(s, {.samples = 4096});
+  const auto b = estimate(s, {.samples = 4096, .first = 4096});
+  CHECK(a.bias_bound.size > 0);
+  CHECK(a.bias_bound.size < 1e-6);
+  CHECK(merge(a, b).bias_bound.size == std::max(a.bias_bound.size, b.bias_bound.size));
+  std::ostringstream text;
+  text << a;
+  CHECK_THAT(text.str(), Catch::Contains("at most") && Catch::Contains("end at level"));
+  // an unbiased estimator states none, and a rate that does not fall bounds nothing
+  CHECK(estimate(single_term(finite_difference([](double x) { return x; }, 1.0, {}, {2, 0}), Geometric(0.5)),
+                 {.samples = 64}).bias_bound.size < 1e-6);
+  CHECK(estimate([](Stream& rng) { return rng.uniform(); }, {.samples = 64}).bias_bound.size == 0);
+  const auto growing = finite_difference([](double x) { return std::sin(x); }, 1.0, {}, {-1, 0});
+  CHECK(std::isinf(growing.bias_bound(LevelTable{}).size));
+}
+
+TEST_CASE("any ratio and Richardson extrapolation have the declared rates", "[derivative][law]") {
+  const auto f = [](double x) { return std::sin(x); };
+  const auto check = [&f](const DifferenceOptions& o, std::int64_t last, double beta) {
+    const auto s = finite_difference(f, 1.0, o);
+    INFO("kind " << static_cast<int>(o.kind) << ", ratio " << o.ratio << ", " << o.extrapolations << " extrapolations");
+    CHECK(s.rates.variance == Approx(beta));
+    CHECK(sequence_laws(s, {.last = last, .rounding = 1e-12}) == Failures{});
+  };
+  check({.ratio = 0.25}, 7, 4);
+  check({.ratio = 0.8}, 16, -2 * std::log2(0.8));
+  check({.extrapolations = 1}, 8, 4);
+  check({.extrapolations = 2}, 7, 6);
+  check({.kind = Difference::central, .extrapolations = 1}, 6, 8);
+  check({.kind = Difference::central, .ratio = 0.7, .extrapolations = 1}, 8, -8 * std::log2(0.7));
+  check({.kind = Difference::second, .extrapolations = 1}, 6, 8);
+  // the power check: without the extrapolation the rate is another
+  CHECK(sequence_laws(finite_difference(f, 1.0, {}, {4, 0}), {.last = 8}) != Failures{});
+  // one central quotient more for each extrapolation: exact for polynomials of degree 4
+  const auto quartic = finite_difference([](double x) { return x * x * x * x + x * x * x; }, 1.0,
+                                         {.kind = Difference::central, .extrapolations = 1});
+  CHECK(quartic.value_at(0, unused).value == Approx(7).epsilon(1e-13));
+}
+
+TEST_CASE("gradient and Jacobian have the partial derivatives, each from the same random numbers",
+          "[derivative][exact]") {
+  const auto f = [](const Eigen::Vector2d& x) { return std::sin(x[0]) * std::exp(x[1]); };
+  const Eigen::Vector2d at(0.3, -0.2);
+  const auto g = gradient(f, at, {.kind = Difference::central});
+  const auto r = estimate(single_term(g), {.samples = 1 << 14});
+  CHECK(std::abs(r.mean[0] - std::cos(0.3) * std::exp(-0.2)) < 4.5 * r.standard_error[0] + r.bias_bound.size);
+  CHECK(std::abs(r.mean[1] - std::sin(0.3) * std::exp(-0.2)) < 4.5 * r.standard_error[1] + r.bias_bound.size);
+  CHECK(sequence_laws(g, {.last = 8}) == Failures{});
+
+  const auto noisy = [](const Eigen::VectorXd& x, Stream& rng) {
+    const double u = rng.uniform();
+    return Eigen::Vector2d(x[0] * x[1] + u * x[2], u * std::sin(x[0]));
+  };
+  Eigen::VectorXd point(3);
+  point << 1, 2, 3;
+  const auto j = jacobian(noisy, point, Eigen::Matrix<double, 2, 3>(), {.kind = Difference::central});
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    const double u = Stream(5, i).uniform();
+    const auto m = j.value_at(12, Stream(5, i)).value;
+    CHECK(m(0, 0) == Approx(2).epsilon(1e-7));
+    CHECK(m(0, 1) == Approx(1).epsilon(1e-7));
+    CHECK(m(0, 2) == Approx(u).epsilon(1e-7));
+    CHECK(m(1, 0) == Approx(u * std::cos(1.0)).epsilon(1e-6));
+    CHECK(std::abs(m(1, 1)) < 1e-10);
+  }
+  CHECK_THROWS_AS(jacobian(noisy, point, Eigen::Matrix2d()), std::invalid_argument);
+}
+
+TEST_CASE("the complex step is the derivative to the last digits, without a level", "[derivative][exact]") {
+  const auto wave = [](const std::complex<double>& x) { return std::sin(x) * std::exp(x); };
+  Stream rng(1, 1);
+  CHECK(complex_step(wave, 0.7)(rng) == Approx((std::sin(0.7) + std::cos(0.7)) * std::exp(0.7)).epsilon(1e-15));
+  const auto random = [](const std::complex<double>& x, Stream& r) { return std::sin(x * r.uniform()); };
+  const auto result = estimate(complex_step(random, 1.0), {.samples = 1 << 14});
+  CHECK(std::abs(result.mean - (std::sin(1.0) + std::cos(1.0) - 1)) < 4.5 * result.standard_error);  // C09
+  CHECK(result.bias_bound.size == 0);
+}
+
+TEST_CASE("measure_coupling tells a kink and a smooth function from a jump and from noise that is not shared",
+          "[derivative][statistical]") {
+  const auto smooth = [](double x, Stream& rng) { return std::sin(x * rng.uniform()); };
+  const auto jump = [](double x, Stream& rng) { return rng.uniform() < 0.2 * x ? 1.0 : 0.0; };
+  const auto own_noise = [n = std::make_shared<std::uint64_t>(0)](double x, Stream&) {
+    return std::sin(x) + Stream(9, ++*n).normal();
+  };
+  const auto good = measure_coupling(finite_difference(smooth, 1.0));
+  CHECK(good.helps);
+  CHECK(std::abs(good.exponent - 2) < 0.2);
+  const auto kink = measure_coupling(finite_difference(call_payoff, 100.0, {.first_step = 10}, {1, 0}),
+                                     {.first = 1, .last = 6});
+  CHECK(kink.helps);
+  CHECK(std::abs(kink.exponent - 1) < 0.3);
+  const auto jumping = measure_coupling(finite_difference(jump, 1.0));
+  CHECK_FALSE(jumping.helps);
+  CHECK(std::abs(jumping.exponent + 1) < 0.3);
+  CHECK_THAT(jumping.sentence, Catch::Contains("do not help"));
+  const auto noise = measure_coupling(finite_difference(own_noise, 1.0));
+  CHECK_FALSE(noise.helps);
+  CHECK(std::abs(noise.exponent + 2) < 0.2);
+  CHECK_THROWS_AS(measure_coupling(finite_difference(smooth, 1.0), {.last = 4}), std::invalid_argument);
 }
 
 TEST_CASE("impossible arguments of finite_difference are refused", "[derivative][exact]") {
@@ -167,6 +346,11 @@ TEST_CASE("impossible arguments of finite_difference are refused", "[derivative]
     CHECK_THROWS_AS(finite_difference(f, at), std::invalid_argument);
   }
   CHECK_THROWS_WITH(finite_difference(f, 1e20), Catch::Contains("lost"));
+  for (const double ratio : {0.0, 1.0, -0.5, std::nan("")}) {
+    CHECK_THROWS_AS(finite_difference(f, 1.0, {.ratio = ratio}), std::invalid_argument);
+  }
+  CHECK_THROWS_AS(finite_difference(f, 1.0, {.extrapolations = 7}), std::invalid_argument);
+  CHECK_THROWS_AS(finite_difference(f, 1.0, {.last_level = -1}), std::invalid_argument);
 }
 
 TEST_CASE("the work is the number of evaluations, and shared ones are made once", "[derivative][exact]") {

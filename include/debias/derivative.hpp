@@ -1,27 +1,37 @@
 #pragma once
 
-// Derivatives by finite differences: the step halves from level to level, and the bias goes with it.
+// Derivatives by finite differences: the step shrinks from level to level, and the bias goes with it.
 //
 //   forward   I_k = (f(x + h_k) - f(x)) / h_k                   E D_k^2 ~ 2^(-2 k)    [Misso et al. 2022]
 //   central   I_k = (f(x + h_k) - f(x - h_k)) / (2 h_k)         E D_k^2 ~ 2^(-4 k)
 //   second    I_k = (f(x + h_k) - 2 f(x) + f(x - h_k)) / h_k^2  E D_k^2 ~ 2^(-4 k)
+//   n extrapolations (Richardson): 2^(-2 (n + 1) k), 2^(-4 (n + 1) k)
 //
-//   Notation: x = at, h_k = first_step 2^-k; f(x), or f(x, stream) for the derivative of x -> E f(x).
+//   Notation: x = at, h_k = first_step ratio^k; f(x), or f(x, stream) for the derivative of x -> E f(x).
 // All evaluations of a draw see the same random numbers. The rates hold where f is smooth in every sample.
-// Samples with kinks have 2^-k (first derivatives; declare {1, 0}), with jumps E D_k^2 grows: no law helps.
-// Rounding: f is off by eps |f|, hence I_k and D_k by 2^k eps |f| / h_0 (second: 4^k eps |f| / h_0^2), and a
-// law divides that by p_k. A level at which x + h_k is hardly told from x throws (`last_level`).
+// Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump, or have noise of their own,
+// E D_k^2 grows and no law helps: `measure_coupling` sees it.
+// Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
+// (`last_level`); later differences are 0, and the result carries the bound on the bias (`bias_bound`).
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <complex>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
+#include <debias/core/accumulator.hpp>
+#include <debias/core/bias.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -30,9 +40,18 @@ namespace debias {
 
 enum class Difference { forward, central, second };
 
+/// What a level beyond the last one does: give the last one again, with a difference of 0 and the bias that this
+/// means in the result; or throw std::length_error (a run that throws and is repeated is biased, too).
+enum class BeyondLast { truncates, throws };
+
 struct DifferenceOptions {
   Difference kind = Difference::forward;
   double first_step = 1.5;  ///< h_0 > 0: about the length over which f changes
+  double ratio = 0.5;       ///< of one step to the one before, in (0, 1)
+  int extrapolations = 0;   ///< Richardson steps, each with one step more: 0 ... 6
+  /// The deepest level; by default where rounding outgrows the difference.
+  std::optional<std::int64_t> last_level = std::nullopt;
+  BeyondLast beyond = BeyondLast::truncates;
 };
 
 namespace detail {
@@ -73,63 +92,193 @@ class FiniteDifference {
   using value_type = decltype(detail::evaluate(std::declval<const F&>(), 0.0, std::declval<const Stream&>()));
 
   FiniteDifference(F f, double at, const DifferenceOptions& options, const Rates& declared)
-      : rates(declared), f_(std::move(f)), at_(at), kind_(options.kind), first_step_(options.first_step) {
-    if (!(first_step_ > 0) || !std::isfinite(std::abs(at) + first_step_)) {
+      : rates(declared), f_(std::move(f)), at_(at), options_(options) {
+    if (!(options_.first_step > 0) || !std::isfinite(std::abs(at) + options_.first_step)) {
       refuse("both must be finite, the step positive; a backward difference is a forward one of f(-x)");
     }
-    // Four neighbours of x are the least that leaves a step two digits; 2^-500 still has a square.
-    const double size = std::abs(at);
-    const double spacing = std::nextafter(size, std::numeric_limits<double>::infinity()) - size;
-    last_level_ = std::ilogb(first_step_) - std::ilogb(std::max(4 * spacing, 0x1p-500));
-    if (last_level_ < 0) refuse("the step is lost beside `at`; take a larger one");
-  }
-
-  /// I_level and D_level from one set of evaluations. Throws std::length_error above last_level().
-  Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
-    const double h = step(level);
-    if (kind_ == Difference::central) {
-      if (level == 0) return base(central(h, rng), 2);
-      const double coarse = step(level - 1);
-      return coupled(central(h, rng), central(coarse, rng), 4);
+    if (!(options_.ratio > 0 && options_.ratio < 1)) refuse("ratio must lie in (0, 1); 0.5 halves the step");
+    if (options_.extrapolations < 0 || options_.extrapolations > max_extrapolations) {
+      refuse("extrapolations must lie in 0 ... 6; more only amplify rounding");
     }
-    const value_type here = detail::evaluate(f_, at_, rng);
-    const double each = kind_ == Difference::second ? 2 : 1;
-    if (level == 0) return base(from(here, h, rng), 1 + each);
-    const double coarse = step(level - 1);
-    return coupled(from(here, h, rng), from(here, coarse, rng), 1 + 2 * each);
+    set_weights();
+    const std::int64_t deepest = deepest_step() - options_.extrapolations;
+    if (deepest < 0) refuse("the step is lost beside `at`; take a larger one");
+    measure_size();
+    if (options_.last_level) {
+      if (*options_.last_level < 0 || *options_.last_level > deepest) {
+        refuse("last_level must lie in 0 ... " + std::to_string(deepest) + "; beyond, the step is lost beside `at`");
+      }
+      last_level_ = *options_.last_level;
+    } else {
+      last_level_ = std::min(deepest, rounding_level());
+    }
   }
 
-  /// I_level alone. Throws std::length_error above last_level().
+  /// I_level and D_level from one set of evaluations. Above last_level() see BeyondLast.
+  Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
+    if (level > last_level_) {
+      if (options_.beyond == BeyondLast::throws) beyond_last(level);
+      Term<value_type> last = value_at(last_level_, rng);
+      value_type nothing = zero_like(last.value);
+      return {std::move(last.value), std::move(nothing), last.work};
+    }
+    if (level == 0) {
+      const Term<value_type> first = value_at(0, rng);
+      return base(first.value, first.work);
+    }
+    const Quotients q(*this, rng);
+    value_type previous = q(level - 1);
+    value_type finer = q(level);
+    value_type value = scaled(finer, weights_[0]);
+    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i) {
+      previous = std::move(finer);
+      finer = q(level + i);
+      value = sum(std::move(value), scaled(finer, weight(i)));
+      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
+    }
+    return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
+  }
+
+  /// I_level alone. Above last_level() see BeyondLast.
   Term<value_type> value_at(std::int64_t level, const Stream& rng) const {
-    const double h = step(level);
-    if (kind_ == Difference::central) return {central(h, rng), 2};
-    return {from(detail::evaluate(f_, at_, rng), h, rng), kind_ == Difference::second ? 3.0 : 2.0};
+    if (level > last_level_) {
+      if (options_.beyond == BeyondLast::throws) beyond_last(level);
+      level = last_level_;
+    }
+    const Quotients q(*this, rng);
+    value_type value = scaled(q(level), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
-  /// The deepest level whose step is not lost in the rounding of `at`.
+  /// The deepest level with a difference of its own.
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
+
+  /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares of
+  /// the levels of the run, continued with the declared rate; infinite if that does not fall. Rounding: f within
+  /// eps of f(x (1 + eps)), its size measured at `at`.
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
+    const double fall = rates.variance / 2;
+    double truncation = 0;
+    bool seen = false;
+    for (std::size_t i = 1; i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
+      const LevelSums& row = levels.rows()[i];
+      const auto level = static_cast<std::int64_t>(i);
+      if (row.count == 0 || level > last_level_) continue;
+      seen = true;
+      const double rms = std::sqrt(row.square / static_cast<double>(row.count));
+      truncation = std::max(truncation, rms * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
+    }
+    truncation = seen && fall > 0 ? truncation / (1 - std::exp2(-fall)) : std::numeric_limits<double>::infinity();
+    const double rounding = rounding_error(last_level_);
+    std::ostringstream text;
+    text << "finite differences end at level " << last_level_ << "; truncation " << truncation
+         << " if E D_k^2 falls like 2^(-" << rates.variance << " k), rounding " << rounding
+         << " if f is good to one unit in the last place";
+    return {truncation + rounding, text.str()};
+  }
+
+  /// How far rounding in f may move I_level.
+  [[nodiscard]] double rounding_error(std::int64_t level) const {
+    double amplified = 0;
+    for (int i = 0; i <= options_.extrapolations; ++i) {
+      const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
+      amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
+    }
+    return amplified * std::numeric_limits<double>::epsilon() * size_;
+  }
 
   Rates rates;
 
  private:
-  // The step as it acts: x + h is a number of the machine, and not the one that h = h_0 2^-level asks for.
+  static constexpr int max_extrapolations = 6;
+  static constexpr std::uint64_t size_draws = 32;
+
+  [[nodiscard]] bool is_central() const { return options_.kind == Difference::central; }
+  [[nodiscard]] bool is_second() const { return options_.kind == Difference::second; }
+  [[nodiscard]] double weight(int i) const { return weights_[static_cast<std::size_t>(i)]; }
+
+  // The quotients of one draw, f(at) evaluated once.
+  class Quotients {
+   public:
+    Quotients(const FiniteDifference& d, const Stream& rng) : d_(d), rng_(rng) {
+      if (!d.is_central()) here_ = detail::evaluate(d.f_, d.at_, rng);
+    }
+    value_type operator()(std::int64_t level) const {
+      const double h = d_.step(level);
+      value_type up = detail::evaluate(d_.f_, d_.at_ + h, rng_);
+      if (d_.is_central()) {
+        return over(debias::difference(std::move(up), detail::evaluate(d_.f_, d_.at_ - h, rng_)), 2 * h);
+      }
+      value_type rise = debias::difference(std::move(up), *here_);
+      if (!d_.is_second()) return over(std::move(rise), h);
+      const value_type before = debias::difference(value_type(*here_), detail::evaluate(d_.f_, d_.at_ - h, rng_));
+      return over(over(debias::difference(std::move(rise), before), h), h);
+    }
+    [[nodiscard]] double work(int quotients) const {
+      return (d_.is_central() ? 0.0 : 1.0) + quotients * (d_.options_.kind == Difference::forward ? 1.0 : 2.0);
+    }
+
+   private:
+    const FiniteDifference& d_;
+    const Stream& rng_;
+    std::optional<value_type> here_;
+  };
+
+  // The step as it acts: x + h is a number of the machine, and not the one that h = h_0 ratio^level asks for.
   [[nodiscard]] double step(std::int64_t level) const {
-    if (level > last_level_) step_is_lost(level);
-    const double moved = at_ + std::ldexp(first_step_, -static_cast<int>(level));
+    const double moved = at_ + options_.first_step * std::pow(options_.ratio, static_cast<double>(level));
     return moved - at_;
   }
 
-  value_type central(double h, const Stream& rng) const {
-    value_type up = detail::evaluate(f_, at_ + h, rng);
-    return over(difference(std::move(up), detail::evaluate(f_, at_ - h, rng)), 2 * h);
+  // Four neighbours of x are the least that leaves a step two digits; 2^-500 still has a square.
+  [[nodiscard]] std::int64_t deepest_step() const {
+    const double size = std::abs(at_);
+    const double spacing = std::nextafter(size, std::numeric_limits<double>::infinity()) - size;
+    const double room = std::log2(options_.first_step) - std::log2(std::max(4 * spacing, 0x1p-500));
+    return static_cast<std::int64_t>(std::floor(room / -std::log2(options_.ratio)));
   }
 
-  // The quotients that use f(at).
-  value_type from(const value_type& here, double h, const Stream& rng) const {
-    value_type rise = difference(detail::evaluate(f_, at_ + h, rng), here);
-    if (kind_ == Difference::forward) return over(std::move(rise), h);
-    const value_type rise_before = difference(value_type(here), detail::evaluate(f_, at_ - h, rng));
-    return over(over(difference(std::move(rise), rise_before), h), h);
+  // T_0(h) = quotient, T_m(h) = (T_(m-1)(ratio h) - ratio^q_m T_(m-1)(h)) / (1 - ratio^q_m), where q_m is the
+  // m-th power of h in the bias: m for forward quotients, 2 m for the symmetric ones.
+  void set_weights() {
+    weights_[0] = 1;
+    for (int m = 1; m <= options_.extrapolations; ++m) {
+      const double s = std::pow(options_.ratio, options_.kind == Difference::forward ? m : 2 * m);
+      for (auto i = static_cast<std::size_t>(m); i > 0; --i) weights_[i] = (weights_[i - 1] - s * weights_[i]) / (1 - s);
+      weights_[0] *= -s / (1 - s);
+    }
+  }
+
+  // Root mean squares over a few draws of a seed of their own: of what rounding is relative to, |f(at)| or
+  // |at f'|, and of the change of f over the first step.
+  void measure_size() {
+    double here = 0;
+    double change = 0;
+    const std::uint64_t draws = detail::RandomFunction<F> ? size_draws : 1;
+    for (std::uint64_t i = 0; i < draws; ++i) {
+      const Stream rng = split(Stream(0, i), Branch::pilot);
+      const value_type f = detail::evaluate(f_, at_, rng);
+      const double size = as_scalar(f);
+      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      if (!std::isfinite(size) || !std::isfinite(moved)) continue;
+      here += size * size / static_cast<double>(draws);
+      change += moved * moved / static_cast<double>(draws);
+    }
+    change_ = std::sqrt(change);
+    size_ = std::max(std::sqrt(here), change_ / options_.first_step * std::abs(at_));
+  }
+
+  // The last level at which the difference, if it falls from change / h_0 at the declared rate, is above rounding.
+  [[nodiscard]] std::int64_t rounding_level() const {
+    if (!(size_ > 0)) return std::numeric_limits<std::int64_t>::max();
+    const double power = is_second() ? 2 : 1;
+    const double first = (change_ > 0 ? change_ : size_) / std::pow(options_.first_step, power);
+    const double meet = std::min(rates.variance / 2, 26.0) - power * std::log2(options_.ratio);
+    if (!(meet > 0)) return std::numeric_limits<std::int64_t>::max();
+    const double level = std::log2(first / rounding_error(0)) / meet;
+    return static_cast<std::int64_t>(std::clamp(level, 0.0, 4000.0));
   }
 
   // A true quotient is correctly rounded: two levels that are equal in theory are then equal here. A product
@@ -139,40 +288,234 @@ class FiniteDifference {
     return v;
   }
 
-  [[noreturn]] void refuse(const char* why) const {
+  [[noreturn]] void refuse(const std::string& why) const {
     std::ostringstream text;
-    text << "finite_difference: at = " << at_ << ", first_step = " << first_step_ << " (" << why << ")";
+    text << "finite_difference: at = " << at_ << ", first_step = " << options_.first_step << ", ratio = "
+         << options_.ratio << " (" << why << ")";
     throw std::invalid_argument(text.str());
   }
 
-  [[noreturn]] void step_is_lost(std::int64_t level) const {
+  [[noreturn]] void beyond_last(std::int64_t level) const {
     std::ostringstream text;
-    text << "finite_difference: level " << level << " needs the step " << first_step_ << " * 2^-" << level
-         << ", which is lost in the rounding of at = " << at_ << "; the last level is " << last_level_
-         << ": take a law that reaches deep levels less often, or `truncated` with its bias";
+    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * " << options_.ratio
+         << "^" << level << " beside at = " << at_ << " is lost in rounding; the last level is " << last_level_
+         << ": take a law that reaches deep levels less often, or BeyondLast::truncates";
     throw std::length_error(text.str());
   }
 
   F f_;
   double at_;
-  Difference kind_;
-  double first_step_;
+  DifferenceOptions options_;
+  std::array<double, max_extrapolations + 1> weights_{};
+  double size_ = 0;
+  double change_ = 0;
   std::int64_t last_level_ = 0;
 };
 
+namespace detail {
+
+inline Rates smooth_rates(const DifferenceOptions& options) {
+  const double order = (options.kind == Difference::forward ? 1 : 2) * (options.extrapolations + 1);
+  return {-2 * order * std::log2(options.ratio), 0};
+}
+
+}  // namespace detail
+
 /// The derivative of f (of E f, when f takes a Stream) at a point: `finite_difference(f, 1.0)`,
-/// `finite_difference(f, 1.0, {.kind = Difference::central})`.
-/// Throws std::invalid_argument for a step that is not positive and finite, or too small beside `at`.
+/// `finite_difference(f, 1.0, {.kind = Difference::central})`. Evaluates f at `at` and `at + first_step`, 32 times
+/// if it is random, to know where rounding takes over.
+/// Throws std::invalid_argument for a step that is not positive and finite, or too small beside `at`, a ratio
+/// outside (0, 1), too many extrapolations, or a last level whose step is lost.
 template <ParameterFunction F>
 FiniteDifference<F> finite_difference(F f, double at, const DifferenceOptions& options = {}) {
-  const double beta = options.kind == Difference::forward ? 2 : 4;
-  return {std::move(f), at, options, {beta, 0}};
+  return {std::move(f), at, options, detail::smooth_rates(options)};
 }
 
 /// The same where f is not smooth, with rates of its own: {1, 0} for a kink.
 template <ParameterFunction F>
 FiniteDifference<F> finite_difference(F f, double at, const DifferenceOptions& options, const Rates& rates) {
   return {std::move(f), at, options, rates};
+}
+
+namespace detail {
+
+/// f along one axis.
+template <class F, class A>
+struct AlongAxis {
+  F f;
+  A at;
+  std::size_t axis;
+
+  auto operator()(double x) const requires std::invocable<const F&, const A&> { return f(moved(x)); }
+  auto operator()(double x, Stream& rng) const requires std::invocable<const F&, const A&, Stream&> {
+    return f(moved(x), rng);
+  }
+
+ private:
+  A moved(double x) const {
+    A point = at;
+    set_component(point, axis, x);
+    return point;
+  }
+};
+
+}  // namespace detail
+
+/// All partial derivatives of f at a point, each with its own last level, from the same random numbers: column i
+/// of J is the derivative along axis i. The work counts all evaluations.
+template <class F, ArrayValue A, ArrayValue J>
+class PartialDerivatives {
+ public:
+  using value_type = J;
+  using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
+
+  PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
+      : rates(declared), shape_(zero_like(std::move(shape))) {
+    for (std::size_t i = 0; i < component_count(at); ++i) {
+      partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
+    }
+    const std::size_t rows = component_count(partials_.front().value_at(0, Stream(0, 0)).value);
+    if (component_count(shape_) != rows * partials_.size()) {
+      throw std::invalid_argument("gradient: the result has " + std::to_string(component_count(shape_)) +
+                                  " components (must be " + std::to_string(rows) + " of f times " +
+                                  std::to_string(partials_.size()) + " of the point)");
+    }
+  }
+
+  Draw<J> operator()(std::int64_t level, const Stream& rng) const {
+    Draw<J> all{shape_, shape_, 0};
+    for (std::size_t i = 0; i < partials_.size(); ++i) {
+      const auto draw = partials_[i](level, rng);
+      set_column(all.value, i, draw.value);
+      set_column(all.difference, i, draw.difference);
+      all.work += draw.work;
+    }
+    return all;
+  }
+
+  Term<J> value_at(std::int64_t level, const Stream& rng) const {
+    Term<J> all{shape_, 0};
+    for (std::size_t i = 0; i < partials_.size(); ++i) {
+      const auto term = partials_[i].value_at(level, rng);
+      set_column(all.value, i, term.value);
+      all.work += term.work;
+    }
+    return all;
+  }
+
+  /// On the norm of the error: as if each axis had the differences of all.
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
+    double squares = 0;
+    std::string sentence;
+    for (const Partial& p : partials_) {
+      BiasBound bound = p.bias_bound(levels);
+      squares += bound.size * bound.size;
+      sentence = std::move(bound.sentence);
+    }
+    return {std::sqrt(squares), "norm over the axes; the last: " + sentence};
+  }
+
+  Rates rates;
+
+ private:
+  // Columns of a matrix of Eigen's default order lie one after the other.
+  template <Value V>
+  static void set_column(J& j, std::size_t column, const V& v) {
+    const std::size_t rows = component_count(v);
+    for (std::size_t r = 0; r < rows; ++r) set_component(j, column * rows + r, component(v, r));
+  }
+
+  std::vector<Partial> partials_;
+  J shape_;
+};
+
+/// The gradient of x -> f(x) or x -> E f(x, rng) at a vector, as a vector of its type.
+/// Throws as finite_difference does, for each axis.
+template <class F, ArrayValue A>
+PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& options = {}) {
+  return {f, at, at, options, detail::smooth_rates(options)};
+}
+
+/// The Jacobian of a vector-valued f, in a column-major matrix like `shape`: row r, column i is df_r / dx_i.
+/// Throws as finite_difference does, and std::invalid_argument for a shape of another size.
+template <class F, ArrayValue A, ArrayValue J>
+PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
+  return {f, at, shape, options, detail::smooth_rates(options)};
+}
+
+/// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a bias
+/// or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random), real
+/// parts and `<` only must not lose the imaginary part: no abs, no max.
+template <class F>
+auto complex_step(F f, double at) {
+  constexpr double h = 0x1p-300;
+  return [f = std::move(f), point = std::complex<double>(at, h)](Stream& rng) -> double {
+    if constexpr (std::invocable<const F&, const std::complex<double>&, Stream&>) {
+      return f(point, rng).imag() / h;
+    } else {
+      return f(point).imag() / h;
+    }
+  };
+}
+
+/// How E D_k^2 behaves over a few levels: whether common random numbers make it fall.
+struct CouplingReport {
+  double exponent = 0;        ///< beta of E D_k^2 ~ 2^(-beta k); infinite where no difference was seen
+  double standard_error = 0;  ///< of the exponent
+  bool helps = false;         ///< beta > 0 by two standard errors
+  std::string sentence;
+};
+
+struct CouplingOptions {
+  std::int64_t first = 3;
+  std::int64_t last = 8;
+  std::int64_t draws = 2000;
+  std::uint64_t seed = 1;  ///< its pilot streams, apart from those of a run
+};
+
+/// Measures the decay of E D_k^2, of any sequence, over the levels of the options.
+/// Throws std::invalid_argument for fewer than three levels or two draws.
+template <BiasedSequence S>
+CouplingReport measure_coupling(const S& s, const CouplingOptions& o = {}) {
+  if (o.first < 1 || o.last < o.first + 2 || o.draws < 2) {
+    throw std::invalid_argument("measure_coupling: first = " + std::to_string(o.first) + ", last = " +
+                                std::to_string(o.last) + ", draws = " + std::to_string(o.draws) +
+                                " (needs first > 0, three levels and two draws)");
+  }
+  CouplingReport report;
+  const double centre = static_cast<double>(o.first + o.last) / 2;
+  double spread = 0;
+  double slope = 0;
+  double doubt = 0;
+  for (std::int64_t level = o.first; level <= o.last; ++level) {
+    LevelSums sums;
+    for (std::int64_t i = 0; i < o.draws; ++i) {
+      Stream rng = split_level(split(Stream(o.seed, static_cast<std::uint64_t>(i)), Branch::pilot), level);
+      const auto term = difference_of(s, level, rng);
+      sums.add(as_scalar(term.value), term.work);
+    }
+    if (!(sums.square > 0)) {
+      report = {std::numeric_limits<double>::infinity(), 0, true,
+                "no difference was seen at level " + std::to_string(level)};
+      return report;
+    }
+    const auto n = static_cast<double>(o.draws);
+    const double x = static_cast<double>(level) - centre;
+    const double kurtosis = sums.fourth / sums.square * n / sums.square;
+    spread += x * x;
+    slope -= x * std::log2(sums.square / n);
+    doubt += x * x * std::max(kurtosis - 1, 0.0) / (n * std::log(2.0) * std::log(2.0));
+  }
+  report.exponent = slope / spread;
+  report.standard_error = std::sqrt(doubt) / spread;
+  report.helps = report.exponent > 2 * report.standard_error;
+  std::ostringstream text;
+  text << "E D_k^2 ~ 2^(-beta k) with beta = " << report.exponent << " +- " << report.standard_error
+       << (report.helps ? ": common random numbers help"
+                        : " (must be positive): common random numbers do not help, by a jump or by noise that is "
+                          "not shared; no law has a finite variance, smooth f or differentiate the density");
+  report.sentence = text.str();
+  return report;
 }
 
 }  // namespace debias

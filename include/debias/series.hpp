@@ -9,7 +9,8 @@
 // Assumes sum E|term k| < infinity; an alternating series may have it only when `paired`. A term on its own
 // costs 1 whatever k, a path of terms (roulette) all of them.
 // Fails where a_k falls like a power of k and the law is geometric: unit increments then have infinite
-// variance, sum E a_k^2 / p_k, and no sample shows it. Declare `polynomial_terms` and take a zeta law.
+// variance, sum E a_k^2 / p_k, and no sample shows it. Declare `polynomial_terms` and take a zeta law, or take
+// `blocks`, whose levels fall geometrically. A deterministic prefix before the random tail is the base level.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <cmath>
@@ -200,6 +201,118 @@ auto paired(const RatedSeries<T>& s) {
     rates.variance += 2;
   }
   return RatedSeries<Pair>(Pair{s.terms()}, rates, 2 * s.work_per_term());
+}
+
+/// The same series by dyadic blocks: level 0 is term 0, level k the terms 2^(k-1) ... 2^k - 1, for as much work.
+template <SeriesTerm T>
+class Blocks {
+ public:
+  using value_type = typename Series<T>::value_type;
+
+  Blocks(Series<T> s, const Rates& declared) : rates(declared), series_(std::move(s)) {}
+
+  /// The sum of the terms of block `level`. Throws std::length_error above level 62.
+  Term<value_type> difference_at(std::int64_t level, const Stream& rng) const {
+    return terms(level == 0 ? 0 : end_of(level - 1), end_of(level), rng);
+  }
+
+  /// The sum of the terms 0 ... 2^level - 1.
+  Term<value_type> value_at(std::int64_t level, const Stream& rng) const { return terms(0, end_of(level), rng); }
+
+  /// Both, from the same terms.
+  Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
+    Term<value_type> block = difference_at(level, rng);
+    if (level == 0) return base(block.value, block.work);
+    Term<value_type> before = value_at(level - 1, rng);
+    return {sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
+  }
+
+  Rates rates;
+
+ private:
+  static std::int64_t end_of(std::int64_t level) {
+    if (level > 62) {
+      throw std::length_error("blocks: level " + std::to_string(level) +
+                              " has terms beyond 2^62; take a law that falls faster");
+    }
+    return std::int64_t{1} << level;
+  }
+
+  Term<value_type> terms(std::int64_t first, std::int64_t last, const Stream& rng) const {
+    Term<value_type> total = series_.difference_at(first, rng);
+    for (std::int64_t k = first + 1; k < last; ++k) {
+      const Term<value_type> term = series_.difference_at(k, rng);
+      total.value = sum(std::move(total.value), term.value);
+      total.work += term.work;
+    }
+    return total;
+  }
+
+  Series<T> series_;
+};
+
+/// Blocks with rates of their own: 2^(-beta k) for the block sums.
+template <SeriesTerm T>
+Blocks<T> blocks(const Series<T>& s, const Rates& rates) {
+  return {s, rates};
+}
+
+/// Blocks with the rates that the terms imply: a_k ~ k^-s makes blocks like 2^((1 - s) k), so that some law has
+/// finite variance and finite work when s > 3/2; geometric terms make blocks that fall faster than any rate.
+/// For terms of one sign; pair an alternating series first.
+template <SeriesTerm T>
+Blocks<T> blocks(const RatedSeries<T>& s) {
+  if (s.rates.decay == Decay::geometric) return {s, Rates{Rates::faster_than_any, 1}};
+  return {s, Rates{s.rates.variance - 2, 1}};
+}
+
+/// The terms of a series along one path: term k is read off the state that `start` gives and `advance` has
+/// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth k
+/// adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the albedo,
+/// `roulette` is then classical Russian roulette: the weight cancels the throughput.
+template <class Start, class Advance, class Read>
+class PathSeries {
+  using State = std::remove_cvref_t<std::invoke_result_t<const Start&, Stream&>>;
+
+ public:
+  using value_type = std::remove_cvref_t<std::invoke_result_t<const Read&, const State&>>;
+
+  PathSeries(Start start, Advance advance, Read read, const Rates& declared)
+      : rates(declared), start_(std::move(start)), advance_(std::move(advance)), read_(std::move(read)) {}
+
+  /// Yields the terms in order; the series has to outlive it.
+  class Cursor {
+   public:
+    Cursor(const PathSeries& path, const Stream& rng) : path_(&path), rng_(rng), state_(path.start_(rng_)) {}
+
+    Term<value_type> operator()() {
+      if (!first_) state_ = path_->advance_(std::move(state_), rng_);
+      first_ = false;
+      return {path_->read_(std::as_const(state_))};
+    }
+
+   private:
+    const PathSeries* path_;
+    Stream rng_;
+    State state_;
+    bool first_ = true;
+  };
+
+  Cursor operator()(const Stream& rng) const { return {*this, rng}; }
+
+  Rates rates;
+
+ private:
+  Start start_;
+  Advance advance_;
+  Read read_;
+};
+
+/// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1 a
+/// term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
+template <class Start, class Advance, class Read>
+PathSeries<Start, Advance, Read> path_series(Start start, Advance advance, Read read, const Rates& rates) {
+  return {std::move(start), std::move(advance), std::move(read), rates};
 }
 
 }  // namespace debias
