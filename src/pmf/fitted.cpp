@@ -1,0 +1,148 @@
+#include <debias/pmf/fitted.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "core/text.hpp"
+
+namespace debias {
+namespace {
+
+[[noreturn]] void refuse(const std::string& function, const std::string& problem) {
+  throw std::invalid_argument(function + ": " + problem);
+}
+
+void check_size(const std::string& function, std::size_t size, std::size_t expected) {
+  if (size == expected && size > 0) return;
+  refuse(function, std::to_string(size) + " entries where " + std::to_string(expected) +
+                       " levels are (one for each level, at least one)");
+}
+
+void check_positive(const std::string& function, const char* what, std::size_t k, double x) {
+  if (x > 0 && std::isfinite(x)) return;
+  refuse(function, std::string(what) + " of level " + std::to_string(k) + " = " + to_text(x) +
+                       " (must be positive and finite); take an upper bound where none was seen");
+}
+
+double base_variance(const TermMoments& m, std::size_t k) {
+  return m.base_variance.empty() ? 0 : m.base_variance[k];
+}
+
+// a_k as it acts at mass p.
+double square_at(const TermMoments& m, std::size_t k, double p) {
+  if (m.block <= 1) return m.variance[k] + m.mean_square[k];
+  return m.variance[k] + m.mean_square[k] * std::min(1.0, 1 / (4 * static_cast<double>(m.block) * p));
+}
+
+// The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).
+std::vector<double> best_at_price(const std::vector<double>& a, const std::vector<double>& price) {
+  const double least = *std::min_element(price.begin(), price.end());
+  const auto total = [&](double t) {
+    double sum = 0;
+    for (std::size_t k = 0; k < a.size(); ++k) sum += std::sqrt(a[k] / (price[k] - least + t));
+    return sum;
+  };
+  double roots = 0;
+  for (const double x : a) roots += std::sqrt(x);
+  double high = roots * roots;  // total <= 1
+  double low = 0;               // total >= 1: the cheapest level alone asks for that much
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    if (price[k] == least) low = std::max(low, a[k]);
+  }
+  for (int i = 0; i < 200 && high - low > 1e-14 * high; ++i) {
+    const double middle = low > 0 ? std::sqrt(low) * std::sqrt(high) : (low + high) / 2;
+    if (middle <= low || middle >= high) break;
+    (total(middle) > 1 ? low : high) = middle;
+  }
+  std::vector<double> p(a.size());
+  double sum = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) sum += p[k] = std::sqrt(a[k] / (price[k] - least + high));
+  for (double& x : p) x /= sum;
+  return p;
+}
+
+}  // namespace
+
+VarianceAndWork predict(const TermMoments& m, std::span<const double> masses) {
+  check_size("predict", m.variance.size(), masses.size());
+  VarianceAndWork result{m.fixed_variance, m.fixed_work};
+  for (std::size_t k = 0; k < masses.size(); ++k) {
+    const double p = masses[k];
+    result.variance += base_variance(m, k) * p + square_at(m, k, p) / p;
+    result.work += m.work[k] * p;
+  }
+  return result;
+}
+
+std::vector<double> best_masses(const TermMoments& m) {
+  const std::size_t n = m.work.size();
+  check_size("best_masses", m.variance.size(), n);
+  check_size("best_masses", m.mean_square.size(), n);
+  if (!m.base_variance.empty()) check_size("best_masses", m.base_variance.size(), n);
+  std::vector<double> a(n);
+  for (std::size_t k = 0; k < n; ++k) {
+    a[k] = m.variance[k] + m.mean_square[k];
+    check_positive("best_masses", "the second moment", k, a[k]);
+    check_positive("best_masses", "the work", k, m.work[k]);
+  }
+  // At a price s of work, the problem is convex. The product is least where s is the variance for a unit of work
+  // at the p that belongs to s; variance / work grows with s, but more slowly.
+  std::vector<double> p(n, 1 / static_cast<double>(n));
+  std::vector<double> price(n);
+  const auto solve_at = [&](double s) {
+    for (std::size_t k = 0; k < n; ++k) price[k] = base_variance(m, k) + s * m.work[k];
+    for (int i = 0; i < (m.block > 1 ? 4 : 1); ++i) {  // strata: a depends on p
+      for (std::size_t k = 0; k < n; ++k) a[k] = square_at(m, k, p[k]);
+      p = best_at_price(a, price);
+    }
+    const VarianceAndWork now = predict(m, p);
+    return now.variance / now.work;
+  };
+  const double start = std::max(solve_at(1), std::numeric_limits<double>::min());
+  double low = start;
+  double high = start;
+  for (int i = 0; i < 100 && solve_at(low) < low && low > 1e-290; ++i) low /= 8;
+  for (int i = 0; i < 100 && solve_at(high) > high && high < 1e290; ++i) high *= 8;
+  while (high > low * (1 + 1e-9)) {
+    const double middle = std::sqrt(low) * std::sqrt(high);
+    if (!(middle > low && middle < high)) break;
+    (solve_at(middle) > middle ? low : high) = middle;
+  }
+  return p;
+}
+
+std::vector<double> best_tails(std::span<const double> increments, std::span<const double> work) {
+  check_size("best_tails", increments.size(), work.size());
+  // The hull by pooling: a block takes in what follows as long as that would fall more slowly.
+  struct Block {
+    double increment;
+    double work;
+    std::size_t levels;
+    [[nodiscard]] double slope() const { return std::max(increment, 0.0) / work; }
+  };
+  std::vector<Block> blocks;
+  for (std::size_t k = 0; k < work.size(); ++k) {
+    check_positive("best_tails", "the work", k, work[k]);
+    Block block{increments[k], work[k], 1};
+    while (!blocks.empty() && block.slope() >= blocks.back().slope()) {
+      block.increment += blocks.back().increment;
+      block.work += blocks.back().work;
+      block.levels += blocks.back().levels;
+      blocks.pop_back();
+    }
+    blocks.push_back(block);
+  }
+  std::vector<double> q;
+  const double steepest = blocks.front().slope();
+  check_positive("best_tails", "the increment", 0, steepest);
+  for (const Block& block : blocks) {
+    q.insert(q.end(), block.levels, std::sqrt(block.slope() / steepest));
+  }
+  return q;
+}
+
+}  // namespace debias

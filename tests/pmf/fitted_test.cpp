@@ -1,0 +1,202 @@
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/stream.hpp>
+#include <debias/pmf/fitted.hpp>
+
+using namespace debias;
+
+namespace {
+
+double power(double x, double k) { return std::pow(x, k); }
+
+// 10^(-3 ... 3)
+double any_size(Stream& rng) { return power(10, 6 * rng.uniform() - 3); }
+
+/// (sum nu / q) (sum w q), with q_0 = 1.
+double product_of_tails(const std::vector<double>& nu, const std::vector<double>& work,
+                        const std::vector<double>& q) {
+  double variance = 0;
+  double cost = 0;
+  for (std::size_t k = 0; k < nu.size(); ++k) {
+    variance += nu[k] / q[k];
+    cost += work[k] * q[k];
+  }
+  return variance * cost;
+}
+
+/// The least product over all falling q, by trying every way to cut the levels into pools of equal q: within a
+/// pool and with the order left out, the best q is sqrt(sum nu / sum w).
+double brute_force_tails(const std::vector<double>& nu, const std::vector<double>& work) {
+  const std::size_t n = nu.size();
+  double best = std::numeric_limits<double>::infinity();
+  for (std::uint32_t cuts = 0; cuts < std::uint32_t{1} << (n - 1); ++cuts) {
+    std::vector<double> q(n);
+    bool valid = true;
+    for (std::size_t first = 0; first < n;) {
+      std::size_t last = first + 1;
+      while (last < n && (cuts >> (last - 1) & 1) == 0) ++last;
+      double increment = 0;
+      double cost = 0;
+      for (std::size_t k = first; k < last; ++k) {
+        increment += nu[k];
+        cost += work[k];
+      }
+      valid = valid && increment > 0;
+      for (std::size_t k = first; k < last; ++k) q[k] = std::sqrt(std::max(increment, 0.0) / cost);
+      valid = valid && (first == 0 || q[first] <= q[first - 1]);
+      first = last;
+    }
+    if (valid) best = std::min(best, product_of_tails(nu, work, q));
+  }
+  return best;
+}
+
+TermMoments random_moments(Stream& rng, std::size_t n) {
+  TermMoments m;
+  for (std::size_t k = 0; k < n; ++k) {
+    m.variance.push_back(any_size(rng));
+    m.mean_square.push_back(any_size(rng));
+    m.work.push_back(any_size(rng));
+  }
+  return m;
+}
+
+/// True when no exchange of mass between two levels lowers the product.
+bool is_local_optimum(const TermMoments& m, const std::vector<double>& p) {
+  const double product = predict(m, p).product();
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    for (std::size_t j = 0; j < p.size(); ++j) {
+      for (const double share : {0.1, 0.01}) {
+        std::vector<double> moved = p;
+        moved[i] -= share * p[i];
+        moved[j] += share * p[i];
+        if (i != j && predict(m, moved).product() < product * (1 - 1e-9)) return false;
+      }
+    }
+  }
+  return true;
+}
+
+// E D_k^2 and the work of A10 [facts: 0.75 (n + 1) / n^3, n = 2^j; work 2 n].
+TermMoments square_of_mean(int levels) {
+  TermMoments m;
+  for (int j = 0; j < levels; ++j) {
+    const double n = power(2, j);
+    const double mean = -1 / (2 * n);
+    m.mean_square.push_back(mean * mean);
+    m.variance.push_back(0.75 * (n + 1) / (n * n * n) - mean * mean);
+    m.work.push_back(2 * n);
+  }
+  return m;
+}
+
+}  // namespace
+
+TEST_CASE("the hull law is the best of all falling survival laws on 1000 random problems",
+          "[pmf][fitted][exact]") {
+  Stream rng(20220811, 0);
+  for (int i = 0; i < 1000; ++i) {
+    const auto n = static_cast<std::size_t>(2 + i % 7);
+    std::vector<double> nu;
+    std::vector<double> work;
+    for (std::size_t k = 0; k < n; ++k) {
+      // Some increments are negative: the distance to the limit need not fall at every level.
+      const double sign = k > 0 && rng.uniform() < 0.2 ? -0.1 : 1;
+      nu.push_back(sign * any_size(rng));
+      work.push_back(any_size(rng));
+    }
+    const std::vector<double> q = best_tails(nu, work);
+    CAPTURE(i, n);
+    REQUIRE(q.front() == 1);
+    bool ends = false;
+    for (std::size_t k = 1; k < n; ++k) {
+      REQUIRE(q[k] <= q[k - 1]);
+      ends = ends || q[k] == 0;  // increments that sum to less than nothing: no reason to go there
+    }
+    if (ends) continue;
+    REQUIRE(product_of_tails(nu, work, q) == Approx(brute_force_tails(nu, work)).epsilon(1e-10));
+  }
+}
+
+TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata or none of them",
+          "[pmf][fitted][exact]") {
+  Stream rng(20220811, 1);
+  for (int i = 0; i < 200; ++i) {
+    TermMoments m = random_moments(rng, 3 + static_cast<std::size_t>(i % 5));
+    if (i % 2 == 1) {
+      m.fixed_variance = any_size(rng);
+      m.fixed_work = any_size(rng);
+    }
+    if (i % 3 == 1) {
+      for (std::size_t k = 0; k < m.work.size(); ++k) m.base_variance.push_back(any_size(rng));
+    }
+    if (i % 4 == 3) m.block = 16;
+    const std::vector<double> p = best_masses(m);
+    double sum = 0;
+    for (const double x : p) sum += x;
+    CAPTURE(i);
+    REQUIRE(sum == Approx(1).epsilon(1e-12));
+    if (m.block == 1) REQUIRE(is_local_optimum(m, p));
+    if (m.block > 1) {  // not convex there: near enough
+      for (std::size_t k = 0; k < p.size(); ++k) REQUIRE(p[k] > 0);
+    }
+  }
+  // Power: equal masses are not optimal.
+  TermMoments m = random_moments(rng, 4);
+  CHECK_FALSE(is_local_optimum(m, {0.25, 0.25, 0.25, 0.25}));
+}
+
+TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)",
+          "[pmf][fitted][exact]") {
+  TermMoments m = square_of_mean(24);
+  const double mean = 1;
+  m.fixed_variance = -mean * mean;  // Base::drawn with independent members: V = sum a / p - I^2
+  const std::vector<double> p = best_masses(m);
+  const VarianceAndWork best = predict(m, p);
+  const double kappa = best.work * mean * mean / best.variance;
+  for (std::size_t k = 1; k < 8; ++k) {
+    const auto ratio = [&](std::size_t i) {
+      return p[i] / std::sqrt((m.variance[i] + m.mean_square[i]) / (m.work[i] + kappa));
+    };
+    CHECK(ratio(k) == Approx(ratio(0)).epsilon(1e-6));
+  }
+  m.fixed_variance = 0;
+  const std::vector<double> plain = best_masses(m);
+  CHECK(plain[1] / plain[0] == Approx(std::sqrt(0.28125 / 1.5 / 2)).epsilon(1e-9));
+}
+
+TEST_CASE("A10: the optimum is 24.97, 19.01 with strata; r = 0.55, 0.6, 0.65, 0.7 give 54.5, 30.9, 25.28, 28.9",
+          "[pmf][fitted][exact]") {
+  TermMoments m = square_of_mean(60);
+  CHECK(predict(m, best_masses(m)).product() == Approx(24.9665).epsilon(1e-4));
+  const auto geometric = [&](double r) {
+    std::vector<double> p;
+    for (int j = 0; j < 60; ++j) p.push_back(r * power(1 - r, j));
+    return predict(m, p).product();
+  };
+  CHECK(geometric(0.60) == Approx(30.909).epsilon(1e-3));
+  CHECK(geometric(0.65) == Approx(25.278).epsilon(1e-3));
+  CHECK(geometric(0.70) == Approx(28.929).epsilon(2e-2));  // 60 levels of a slow sum
+  m.block = std::int64_t{1} << 50;
+  CHECK(predict(m, best_masses(m)).product() == Approx(19.0052).epsilon(1e-4));
+}
+
+TEST_CASE("laws from impossible moments are refused", "[pmf][fitted][exact]") {
+  TermMoments m = square_of_mean(3);
+  m.variance[1] = m.mean_square[1] = 0;
+  CHECK_THROWS_WITH(best_masses(m), Catch::Contains("level 1 = 0") && Catch::Contains("upper bound"));
+  m = square_of_mean(3);
+  m.work.pop_back();
+  CHECK_THROWS_AS(best_masses(m), std::invalid_argument);
+  CHECK_THROWS_AS(predict(square_of_mean(3), std::vector<double>{0.5, 0.5}), std::invalid_argument);
+  const std::vector<double> one{1};
+  CHECK_THROWS_AS(best_tails(one, std::vector<double>{0.0}), std::invalid_argument);
+  CHECK_THROWS_AS(best_tails(one, std::vector<double>{}), std::invalid_argument);
+}
