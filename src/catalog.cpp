@@ -1,0 +1,177 @@
+#include "catalog.hpp"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+#include "catalog/groups.hpp"
+#include "core/text.hpp"
+
+namespace debias::catalog {
+namespace {
+
+struct MethodName {
+  Method method;
+  std::string_view name;
+  std::string_view description;
+};
+
+constexpr std::array method_names = {
+    MethodName{Method::single_term, "single_term", "base and one weighted difference, both in every sample"},
+    MethodName{Method::single_term_drawn, "single_term_drawn", "one weighted difference, the base being one outcome"},
+    MethodName{Method::independent_sum, "independent_sum", "all levels up to a random one, independent of each other"},
+    MethodName{Method::roulette, "roulette", "the terms of a series in order, up to a random one"},
+    MethodName{Method::truncated, "truncated", "the biased baseline: one level, cut off there"},
+};
+
+const MethodName& entry(Method method) {
+  return *std::find_if(method_names.begin(), method_names.end(),
+                       [method](const MethodName& m) { return m.method == method; });
+}
+
+}  // namespace
+
+std::string_view name_of(Method method) { return entry(method).name; }
+std::string_view name_of(const Choice& choice) {
+  return choice.special.empty() ? name_of(choice.method) : std::string_view(choice.special);
+}
+std::string_view describe(Method method) { return entry(method).description; }
+
+const Special* find_special(const Problem& problem, std::string_view name) {
+  for (const Special& s : problem.specials) {
+    if (s.name == name) return &s;
+  }
+  return nullptr;
+}
+
+Method method_of(std::string_view name) {
+  std::vector<std::string_view> names;
+  for (const MethodName& m : method_names) {
+    if (m.name == name) return m.method;
+    names.push_back(m.name);
+  }
+  throw std::invalid_argument("'" + std::string(name) + "' is not an estimator (see `debias list estimators`)" +
+                              suggestion(name, names));
+}
+
+const std::vector<Method>& methods() {
+  static const std::vector<Method> all = [] {
+    std::vector<Method> list;
+    for (const MethodName& m : method_names) list.push_back(m.method);
+    return list;
+  }();
+  return all;
+}
+
+AnyPmf default_law(const Problem& problem) {
+  if (problem.law) return *problem.law;
+  const double exponent = default_exponent(problem.rates);
+  if (problem.rates.decay == Decay::polynomial) return AnyPmf(Zeta(exponent));
+  return AnyPmf(Geometric::with_exponent(exponent));
+}
+
+const std::vector<Problem>& problems() {
+  static const std::vector<Problem> table = {
+      // A: functions of a mean
+      exp_of_mean(),
+      reciprocal_of_mean(),
+      log_of_mean(),
+      sqrt_of_mean(),
+      power_of_mean(),
+      ratio_of_means(),
+      square_of_mean(),
+      posterior_mean(),
+      log_evidence(),
+      logistic_of_mean(),
+      entropy(),
+      median(),
+      newsvendor(),
+      log_cosh(),
+      // B: functions of an integral
+      transmittance_constant(),
+      transmittance_linear(),
+      transmittance_exponential(),
+      transmittance_sinusoid(),
+      transmittance_step(),
+      transmittance_bump(),
+      transmittance_thick(),
+      transmittance_davis(),
+      transmittance_pink(),
+      reciprocal_of_integral(),
+      transmittance_singular(),
+      transmittance_straight(),
+      kink_of_integral(),
+      sinusoid_tau_1(),
+      sinusoid_tau_4(),
+      sinusoid_tau_16(),
+      step_tau_1(),
+      step_tau_4(),
+      step_tau_16(),
+      linear_tau_1(),
+      linear_tau_4(),
+      linear_tau_16(),
+      // C: finite differences
+      derivative_of_sine(),
+      derivative_of_exp(),
+      derivative_of_fast_sine(),
+      derivative_of_kink(),
+      second_derivative_of_log(),
+      black_scholes_delta(),
+      derivative_of_expectation(),
+      black_scholes_gamma(),
+      // D: series
+      geometric_series(),
+      slow_geometric_series(),
+      zeta_of_two(),
+      series_for_e(),
+      bessel_j0(),
+      neumann_matrix(),
+      furnace(),
+      log_series(),
+      wallis_product(),
+      // E: stochastic differential equations
+      european_call(),
+      gbm_by_euler(),
+      mean_of_gbm(),
+      second_moment_of_ou(),
+      // F: nested expectations
+      nested_max(),
+      nested_square(),
+      value_of_information(),
+      nested_exp(),
+      // H: steady states
+      autoregression(),
+      waiting_time(),
+      bernoulli_convolution(),
+      cantor_law(),
+      dickman_law(),
+      // M: deterministic limits
+      newton_sqrt(),
+      archimedes_pi(),
+  };
+  return table;
+}
+
+std::vector<Special> specials() {
+  std::vector<Special> all;
+  for (const Problem& p : problems()) {
+    for (const Special& s : p.specials) {
+      const auto same = [&s](const Special& other) { return other.name == s.name; };
+      if (std::none_of(all.begin(), all.end(), same)) all.push_back(s);
+    }
+  }
+  return all;
+}
+
+const Problem& find(std::string_view id_or_name) {
+  std::vector<std::string_view> names;
+  for (const Problem& p : problems()) {
+    if (p.id == id_or_name || p.name == id_or_name) return p;
+    names.push_back(p.id);
+    names.push_back(p.name);
+  }
+  throw std::invalid_argument("'" + std::string(id_or_name) + "' is not a problem (see `debias list`)" +
+                              suggestion(id_or_name, names));
+}
+
+}  // namespace debias::catalog

@@ -1,0 +1,80 @@
+#pragma once
+
+// The published estimators of exp(-integral of f over [0, 1]) for 0 <= f <= majorant, as special methods.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+#include <debias/estimators/roulette.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <debias/pmf/bhanot_kennedy.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/pmf/poisson.hpp>
+#include <debias/taylor.hpp>
+
+#include "make.hpp"
+
+namespace debias::catalog {
+
+/// Terms that a p-series always takes: up to the 99 % quantile of the Poisson law of the majorant.
+inline std::int64_t prefix_of_p_series(double majorant) {
+  const Poisson law(majorant);
+  std::int64_t k = 0;
+  while (law.tail(k + 1) > 0.01) ++k;
+  return k;
+}
+
+/// Points of the combs of Kettunen et al. 2021: as many look-ups as a p-series has terms, over the expected draws.
+inline std::int64_t comb_of_u_statistics(double majorant, const BhanotKennedy& order) {
+  const double terms = std::ceil(std::cbrt((0.015 + majorant) * (0.65 + majorant) * (60.3 + majorant)));
+  return std::max<std::int64_t>(1, static_cast<std::int64_t>(terms / (order.mean() + 1) + 0.5));
+}
+
+/// Kurtosis of ratio tracking: E Z^q = exp(-a + a E (1 - X / a)^q), a = majorant.
+template <class F>
+double kurtosis_of_ratio_tracking(const F& f, double majorant) {
+  constexpr int points = 4096;
+  double second = 0;
+  double fourth = 0;
+  for (int i = 0; i < points; ++i) {
+    const double r = 1 - f((i + 0.5) / points) / majorant;
+    second += r * r / points;
+    fourth += r * r * r * r / points;
+  }
+  return std::exp(-majorant + majorant * fourth - 2 * (-majorant + majorant * second));
+}
+
+/// Ratio tracking, both p-series, pivoted U-statistics, and jittered points from `base_level` on.
+template <class F>
+void add_exponential_methods(Problem& p, const F& f, double majorant, const Rates& jittered,
+                             std::int64_t base_level) {
+  const auto x = [f](Stream& rng) { return f(rng.uniform()); };
+  const functions::ExpMinus g;
+  const auto series = taylor(x, g, majorant);
+  add(p,
+      {.name = "ratio_tracking",
+       .description = "one term of the power series about a majorant, drawn from its Poisson law",
+       .kurtosis = kurtosis_of_ratio_tracking(f, majorant),
+       .reason = "E Z^q = exp(-a + a E (1 - X/a)^q) gives"},
+      single_term(series, Poisson(majorant), {.base = Base::drawn}));
+  add(p,
+      {.name = "p_series_cumulative", .description = "the power series with roulette on the running weight"},
+      roulette(series, RunningWeight(std::exp(-majorant))));
+  add(p,
+      {.name = "p_series_cmf", .description = "the power series, terms to the 99 % quantile, then roulette"},
+      roulette(series, IndexRoulette(majorant), {.base_level = prefix_of_p_series(majorant)}));
+  const BhanotKennedy order(0.9, 2, 2);
+  add(p,
+      {.name = "u_statistics",
+       .description = "symmetric products of combs about each of them (pivoted series)"},
+      taylor_sum(comb_mean(f, comb_of_u_statistics(majorant, order)), g, drawn_pivot, order));
+  add(p, {.name = "jittered", .description = "single_term on jittered points in place of a comb"},
+      single_term(function_of_jittered_integral(f, g, {.rates = jittered}),
+                  Geometric::with_exponent(default_exponent(jittered)), {.base_level = base_level}));
+}
+
+}  // namespace debias::catalog

@@ -1,0 +1,94 @@
+#pragma once
+
+// The problems, one function each; src/catalog.cpp lists them in its table.
+
+#include "../catalog.hpp"
+
+namespace debias::catalog {
+
+// A: functions of a mean (means.cpp)
+Problem exp_of_mean();
+Problem reciprocal_of_mean();
+Problem log_of_mean();
+Problem sqrt_of_mean();
+Problem power_of_mean();
+Problem ratio_of_means();
+Problem square_of_mean();
+Problem logistic_of_mean();
+Problem log_evidence();
+Problem log_cosh();
+Problem posterior_mean();
+Problem entropy();
+Problem median();
+Problem newsvendor();
+
+// B: functions of an integral (integrals.cpp)
+Problem transmittance_constant();
+Problem transmittance_linear();
+Problem transmittance_exponential();
+Problem transmittance_sinusoid();
+Problem transmittance_step();
+Problem transmittance_bump();
+Problem transmittance_thick();
+Problem transmittance_davis();
+Problem transmittance_pink();
+Problem transmittance_straight();
+Problem reciprocal_of_integral();
+Problem transmittance_singular();
+Problem kink_of_integral();
+// the same media at optical depths 1, 4 and 16 (media.cpp)
+Problem sinusoid_tau_1();
+Problem sinusoid_tau_4();
+Problem sinusoid_tau_16();
+Problem step_tau_1();
+Problem step_tau_4();
+Problem step_tau_16();
+Problem linear_tau_1();
+Problem linear_tau_4();
+Problem linear_tau_16();
+
+// C: finite differences (derivatives.cpp)
+Problem derivative_of_sine();
+Problem derivative_of_exp();
+Problem derivative_of_fast_sine();
+Problem derivative_of_kink();
+Problem second_derivative_of_log();
+Problem black_scholes_delta();
+Problem derivative_of_expectation();
+Problem black_scholes_gamma();
+
+// D: series (sums.cpp)
+Problem geometric_series();
+Problem slow_geometric_series();
+Problem zeta_of_two();
+Problem series_for_e();
+Problem bessel_j0();
+Problem neumann_matrix();
+Problem furnace();
+Problem log_series();
+Problem wallis_product();
+
+// E: stochastic differential equations (paths.cpp)
+Problem european_call();
+Problem gbm_by_euler();
+Problem mean_of_gbm();
+Problem second_moment_of_ou();
+
+// F: nested expectations (nested.cpp)
+Problem nested_max();
+Problem nested_square();
+Problem value_of_information();
+Problem nested_exp();
+
+// H: steady states (chains.cpp)
+Problem autoregression();
+Problem waiting_time();
+Problem bernoulli_convolution();
+Problem cantor_law();
+Problem dickman_law();
+
+// M: deterministic limits (limits.cpp)
+Problem newton_sqrt();
+Problem archimedes_pi();
+
+}  // namespace debias::catalog

@@ -1,0 +1,133 @@
+#pragma once
+
+// From a sequence to a Problem: the estimators that apply to it, erased to one call a run.
+
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/estimators/independent_sum.hpp>
+#include <debias/estimators/roulette.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/estimators/truncated.hpp>
+
+#include "../catalog.hpp"
+
+namespace debias::catalog {
+
+/// What a problem is called and what is known of it.
+struct Facts {
+  std::string id = {};
+  std::string name = {};
+  std::string module = {};
+  double truth = 0;
+  std::string formula = {};
+  std::int64_t lowest_base = 0;
+};
+
+namespace detail {
+
+template <BiasedSequence S>
+LevelSums pilot(const S& sequence, std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+  LevelSums sums;
+  for (std::int64_t i = 0; i < draws; ++i) {
+    const Stream sample = split(Stream(seed, static_cast<std::uint64_t>(i)), Branch::pilot);
+    Stream rng = split_level(sample, level);
+    const auto term = difference_of(sequence, level, rng);
+    sums.add(as_scalar(term.value), term.work);
+  }
+  return sums;
+}
+
+// Calls `use` with the estimator that a choice names. `terms` is the same sequence as a series, or void.
+template <class Terms, BiasedSequence S, class Use>
+auto with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
+  switch (c.method) {
+    case Method::single_term:
+      return use(single_term(sequence, c.law, {.base_level = c.base_level}));
+    case Method::single_term_drawn:
+      return use(single_term(sequence, c.law, {.base_level = c.base_level, .base = Base::drawn}));
+    case Method::independent_sum:
+      return use(independent_sum(sequence, c.law, {.base_level = c.base_level}));
+    case Method::roulette:
+      if constexpr (TermSequence<Terms>) {
+        return use(roulette(terms, c.law, {.base_level = c.base_level}));
+      } else {
+        throw std::invalid_argument(
+            "roulette: this problem has levels, not terms in order (roulette needs a series); try independent_sum");
+      }
+    case Method::truncated:
+      break;
+  }
+  return use(truncated(sequence, c.base_level));
+}
+
+template <class Terms, BiasedSequence S>
+Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& rates) {
+  Problem p;
+  p.id = std::move(facts.id);
+  p.name = std::move(facts.name);
+  p.module = std::move(facts.module);
+  p.truth = facts.truth;
+  p.formula = std::move(facts.formula);
+  p.lowest_base = facts.lowest_base;
+  p.rates = rates;
+  p.methods = {Method::single_term, Method::single_term_drawn, Method::independent_sum};
+  if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
+  p.methods.push_back(Method::truncated);
+  p.run = [sequence, terms](const Choice& choice, const Plan& plan) -> Statistics {
+    return with_estimator(sequence, terms, choice,
+                          [&](const auto& e) -> Statistics { return estimate(e, plan); });
+  };
+  p.trace = [sequence, terms](const Choice& choice, std::uint64_t seed, std::int64_t index) {
+    return with_estimator(sequence, terms, choice, [&](const auto& e) { return trace(e, seed, index); });
+  };
+  p.pilot = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+    return pilot(sequence, level, draws, seed);
+  };
+  p.levels = level_runs(sequence);
+  return p;
+}
+
+struct NoTerms {};
+
+}  // namespace detail
+
+/// A problem from a sequence that declares its rates; from a series, roulette applies too.
+template <class S>
+  requires DeclaresRates<S>
+Problem make(Facts facts, const S& sequence) {
+  if constexpr (BiasedSequence<S> && TermSequence<S>) {
+    return detail::make(std::move(facts), sequence, sequence, sequence.rates);
+  } else if constexpr (BiasedSequence<S>) {
+    return detail::make(std::move(facts), sequence, detail::NoTerms{}, sequence.rates);
+  } else {
+    const auto levels = levels_of(sequence);
+    return detail::make(std::move(facts), levels, sequence, levels.rates);
+  }
+}
+
+/// A problem from a callable that declares no rates of its own.
+template <BiasedSequence S>
+Problem make(Facts facts, const S& sequence, const Rates& rates) {
+  return detail::make(std::move(facts), sequence, detail::NoTerms{}, rates);
+}
+
+/// Gives a problem a method of its own: an estimator that needs neither law nor level from outside.
+template <Estimator E>
+void add(Problem& p, Special special, const E& e) {
+  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) -> Statistics {
+    if (choice.special == name) return estimate(e, plan);
+    return others(choice, plan);
+  };
+  p.trace = [e, name = special.name, others = std::move(p.trace)](const Choice& choice, std::uint64_t seed,
+                                                                  std::int64_t index) {
+    return choice.special == name ? trace(e, seed, index) : others(choice, seed, index);
+  };
+  p.specials.push_back(std::move(special));
+}
+
+}  // namespace debias::catalog
