@@ -1,0 +1,24 @@
+#pragma once
+
+// The results as JSON, in the fewest digits that read back as the same double. There is no NaN and no
+// infinity in it: such a number is null, and `status` says why.
+
+#include <string>
+
+#include "commands.hpp"
+
+namespace debias::cli {
+
+/// Changes whenever a key changes its meaning or goes.
+inline constexpr int json_schema = 1;
+
+std::string problems_json();
+std::string estimators_json();
+std::string laws_json();
+std::string run_json(const Run& run);
+std::string replay_json(const Replay& replay);
+/// One line each.
+std::string cell_json(const catalog::Cell& cell);
+std::string summary_json(const Validation& validation);
+
+}  // namespace debias::cli

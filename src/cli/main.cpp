@@ -1,0 +1,244 @@
+// debias: which words the command line has, which function reads them, and what an exception exits with.
+
+#include <array>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <debias/core/estimate.hpp>
+#include <debias/core/stream.hpp>
+
+#include "../core/text.hpp"
+#include "commands.hpp"
+#include "output.hpp"
+
+namespace debias::cli {
+namespace {
+
+struct Command {
+  CLI::App* app;
+  Arguments arguments;
+  int (*execute)(const Arguments&);
+};
+
+std::string version_text() {
+  std::string text = "debias " DEBIAS_VERSION "\nstream layout " + std::to_string(Stream::layout_version);
+#ifdef __clang__
+  text += "\ncompiler " __VERSION__;
+#else
+  text += "\ncompiler g++ " __VERSION__;
+#endif
+#ifdef __OPTIMIZE__
+  text += ", optimised";
+#else
+  text += ", not optimised";
+#endif
+#ifndef NDEBUG
+  text += ", assertions on";
+#endif
+  return text;
+}
+
+void add_choice(CLI::App& app, Arguments& a) {
+  app.add_option("PROBLEM", a.problem, "Id or name, see `debias list`")->required();
+  app.add_option("--estimator", a.estimator, "See `debias list estimators`")->type_name("NAME");
+  app.add_option("--law", a.law, "Law of the random level, see `debias list laws`")->type_name("LAW");
+  app.add_option("--base-level", a.base_level, "Lowest level m; auto is the lowest that behaves")
+      ->type_name("M");
+}
+
+void add_plan(CLI::App& app, Arguments& a) {
+  app.add_option("--samples", a.samples, "Samples, of each cell for validate")->type_name("N");
+  app.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
+  app.add_option("--threads", a.threads, "0 takes all cores; the result does not depend on it")
+      ->type_name("T");
+}
+
+void add_output(CLI::App& app, Arguments& a) {
+  const auto is_file_name = [](const std::string& path) -> std::string {
+    if (!path.empty() && path[0] != '-') return "";
+    return "'" + path + "' (no file name); write -o result.json, or ./ before a name that starts with -";
+  };
+  app.add_option("-o,--output", a.output, "Write the result to this file")
+      ->type_name("FILE")
+      ->check(is_file_name);
+  app.add_flag("-q,--quiet", a.quiet, "Nothing but the result and errors");
+}
+
+// `debias run`, or `debias` before a command.
+std::string typed_so_far(const CLI::App& app) {
+  const auto commands = app.get_subcommands();
+  return "debias" + (commands.empty() ? "" : " " + commands.front()->get_name());
+}
+
+// CLI11 leaves words that it does not know to us, so that we can name the nearest one.
+[[noreturn]] void refuse_word(const CLI::App& app, const std::string& word, const std::string& where) {
+  const bool is_option = word.size() > 1 && word[0] == '-';
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    if (is_option && !option->get_lnames().empty()) names.push_back("--" + option->get_lnames().front());
+  }
+  for (const CLI::App* command : app.get_subcommands({})) {
+    if (!is_option) names.push_back(command->get_name());
+  }
+  const std::string meant =
+      suggestion(word.substr(0, word.find('=')), std::vector<std::string_view>(names.begin(), names.end()));
+  throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where +
+                              "`)" + (meant.empty() ? "; see `" + where + " --help`" : meant));
+}
+
+const Command& chosen(const CLI::App& app, const std::vector<Command>& commands) {
+  for (const Command& command : commands) {
+    if (!command.app->parsed()) continue;
+    for (const std::string& word : command.app->remaining())
+      refuse_word(*command.app, word, typed_so_far(app));
+  }
+  for (const std::string& word : app.remaining()) refuse_word(app, word, "debias");
+  for (const Command& command : commands) {
+    if (command.app->parsed()) return command;
+  }
+  throw std::invalid_argument("no command; write list, run, replay or validate, or see `debias --help`");
+}
+
+int dispatch(int argc, char** argv) {
+  CLI::App app("Unbiased estimates from biased sequences: problems with known answers, run and validated.",
+               "debias");
+  app.option_defaults()->always_capture_default();
+  app.set_version_flag("--version", version_text(),
+                       "Print the versions of program and stream layout, and the compiler");
+  app.footer(
+      "Exit codes: 0 done, 1 internal error, 2 bad usage, 4 validation failed, 5 file error,\n"
+      "6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
+
+  std::vector<Command> commands(4);  // options point into it
+  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
+                       const char* description, const char* examples) -> CLI::App& {
+    commands[i].app = app.add_subcommand(name, description);
+    commands[i].app->footer(std::string("Examples:\n") + examples);
+    commands[i].execute = execute;
+    return *commands[i].app;
+  };
+
+  CLI::App& list_app = add(0, "list", list, "What there is: problems, estimators, laws",
+                           "  debias list\n"
+                           "  debias list laws --json");
+  list_app.add_option("TOPIC", commands[0].arguments.topic, "problems, estimators or laws");
+
+  CLI::App& run_app =
+      add(1, "run", run, "Estimate one problem",
+          "  debias run A01\n"
+          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+          "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
+  commands[1].arguments.samples = "1e6";
+  add_choice(run_app, commands[1].arguments);
+  add_plan(run_app, commands[1].arguments);
+  run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
+  add_output(run_app, commands[1].arguments);
+
+  CLI::App& replay_app =
+      add(2, "replay", replay, "Draw one sample of a run again, with every level it touched",
+          "  debias replay A01 --seed 1 --sample 123456\n"
+          "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
+  Arguments& replayed = commands[2].arguments;
+  replayed.seed.clear();
+  add_choice(replay_app, replayed);
+  replay_app.add_option("--seed", replayed.seed, "The seed of the run")->type_name("S")->required();
+  replay_app.add_option("--sample", replayed.sample, "The index of the sample")->type_name("I")->required();
+
+  CLI::App& validate_app = add(3, "validate", validate, "Hold every estimator against the exact answers",
+                               "  debias validate\n"
+                               "  debias validate A01 A02 --samples 1e6\n"
+                               "  debias validate --json -o cells.jsonl");
+  commands[3].arguments.samples = "1e5";
+  validate_app.add_option("PROBLEM", commands[3].arguments.problems, "Ids or names; all when there is none");
+  add_plan(validate_app, commands[3].arguments);
+  add_output(validate_app, commands[3].arguments);
+
+  for (Command& command : commands) {
+    if (command.execute != validate) {
+      command.app->add_flag("--json", command.arguments.json, "One JSON value instead of a text");
+    } else {
+      command.app->add_flag("--json", command.arguments.json,
+                            "One JSON object per line, the last one a summary");
+    }
+    command.app->allow_extras();
+  }
+  app.allow_extras();
+  app.require_subcommand(0, 1);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() != static_cast<int>(CLI::ExitCodes::Success)) {
+      throw std::invalid_argument(std::string(e.what()) + "; see `" + typed_so_far(app) + " --help`");
+    }
+    Output out;  // --help or --version
+    app.exit(e, out.stream(), out.stream());
+    out.flush();
+    return done;
+  }
+  const Command& command = chosen(app, commands);
+  return command.execute(command.arguments);
+}
+
+// A law or a base level that asks for the impossible is found out in the middle of a run.
+int report_sample(const SampleError& error) {
+  const std::string which =
+      "--seed " + std::to_string(error.seed()) + " --sample " + std::to_string(error.index());
+  try {
+    std::rethrow_if_nested(error);
+    complain(error.what());
+  } catch (const std::logic_error& e) {
+    complain(which + ": " + e.what());
+    return bad_usage;
+  } catch (const std::exception& e) {
+    complain(which + ": " + e.what());
+  } catch (...) {
+    complain(error.what());
+  }
+  return internal_error;
+}
+
+int exit_code_of_current_exception() {
+  const auto report = [](int code, const std::string& message) {
+    complain(message);
+    return code;
+  };
+  try {
+    throw;
+  } catch (const FileError& e) {
+    return report(file_error, e.what());
+  } catch (const Interrupted&) {
+    return say_interrupted();
+  } catch (const SampleError& e) {
+    return report_sample(e);
+  } catch (const std::invalid_argument& e) {
+    return report(bad_usage, e.what());
+  } catch (const std::length_error& e) {
+    return report(bad_usage, e.what());
+  } catch (const std::bad_alloc&) {
+    return report(internal_error, "out of memory");
+  } catch (const std::exception& e) {
+    return report(internal_error, std::string("internal error: ") + e.what());
+  } catch (...) {
+    return report(internal_error, "internal error");
+  }
+}
+
+}  // namespace
+}  // namespace debias::cli
+
+int main(int argc, char** argv) {
+  debias::cli::watch_signals();
+  try {
+    return debias::cli::dispatch(argc, argv);
+  } catch (...) {
+    return debias::cli::exit_code_of_current_exception();
+  }
+}

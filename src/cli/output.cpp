@@ -1,0 +1,140 @@
+#include "output.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <iostream>
+
+namespace debias::cli {
+namespace {
+
+volatile std::sig_atomic_t signalled = 0;
+volatile std::sig_atomic_t line_visible = 0;
+
+constexpr std::string_view erase_line = "\r\033[K";
+constexpr std::string_view farewell =
+    "debias: interrupted; no result, since a run that the clock ended would be biased\n";
+
+void write_stderr(std::string_view text) {
+  [[maybe_unused]] const auto n = write(2, text.data(), text.size());
+}
+
+// Deep in a level of 2^60 draws nobody looks at the flag, so an alarm ends what has not ended in a second.
+extern "C" void on_signal(int) {
+  signalled = 1;
+  alarm(1);
+}
+extern "C" void on_alarm(int) {
+  if (line_visible != 0) write_stderr(erase_line);
+  write_stderr(farewell);
+  _exit(interrupted_by_signal);
+}
+
+std::string reason() { return errno != 0 ? std::strerror(errno) : "cannot be written"; }
+
+}  // namespace
+
+Output::Output(const std::string& path) : path_(path) {
+  if (path.empty()) return;
+  errno = 0;
+  file_.open(path, std::ios::binary | std::ios::trunc);
+  if (!file_) throw FileError("-o '" + path + "': " + reason());
+}
+
+void Output::flush() {
+  std::ostream& target = is_file() ? file_ : std::cout;
+  errno = 0;
+  if (!(target << text_.str() << std::flush)) {
+    throw FileError((is_file() ? "-o '" + path_ + "'" : "standard output") + ": " + reason());
+  }
+  text_.str("");
+}
+
+Progress::Progress(bool quiet) : terminal_(!quiet && isatty(STDERR_FILENO) != 0) {}
+
+bool Progress::due() {
+  if (!terminal_ || Clock::now() < next_) return false;
+  next_ = Clock::now() + std::chrono::milliseconds(100);
+  return true;
+}
+
+void Progress::show(const std::string& text) {
+  std::cerr << erase_line << text << std::flush;
+  line_visible = 1;
+}
+
+void Progress::erase() {
+  if (line_visible != 0) std::cerr << erase_line << std::flush;
+  line_visible = 0;
+}
+
+double Progress::seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+std::string share_of(double done, double total, double seconds) {
+  const double left = seconds * (total - done) / done;
+  return rounded(std::floor(100 * done / total)) + " %, " + rounded(std::ceil(left), 6) + " s left";
+}
+
+void watch_signals() {
+  struct sigaction action = {};
+  action.sa_handler = on_signal;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGALRM, on_alarm);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+bool interrupted() { return signalled != 0; }
+
+int say_interrupted() {
+  write_stderr(farewell);
+  return interrupted_by_signal;
+}
+
+void complain(std::string_view message) {
+  std::string line = "debias: " + std::string(message);
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  }
+  std::cerr << line + "\n" << std::flush;
+}
+
+std::string rounded(double x, int digits) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.*g", digits, x);
+  return text.data();
+}
+
+void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths) {
+  std::string line;
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    line += row[i];
+    const std::size_t width = i < widths.size() ? widths[i] : 0;
+    line.append(row[i].size() < width ? width - row[i].size() : 0, ' ');
+    line += "  ";
+  }
+  line.erase(line.find_last_not_of(' ') + 1);
+  out << line << '\n';
+}
+
+void print_table(std::ostream& out, const std::vector<Row>& rows) {
+  std::vector<std::size_t> widths;
+  for (const Row& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  }
+  for (const Row& row : rows) print_row(out, row, widths);
+}
+
+void print_line(std::ostream& out, const std::string& name, const std::string& text) {
+  print_row(out, {name, text}, {12});
+}
+
+}  // namespace debias::cli

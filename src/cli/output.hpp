@@ -1,0 +1,94 @@
+#pragma once
+
+// Where words go: results to a checked stream, progress and complaints to standard error; and the exit codes.
+
+#include <chrono>
+#include <cstddef>
+#include <fstream>
+#include <iosfwd>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace debias::cli {
+
+enum ExitCode : int {
+  done = 0,
+  internal_error = 1,
+  bad_usage = 2,
+  validation_failed = 4,
+  file_error = 5,
+  nonfinite_samples = 6,
+  interrupted_by_signal = 130,
+};
+
+/// A file that cannot be opened, a full disk, a reader that has gone.
+struct FileError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Standard output, or a file.
+class Output {
+ public:
+  /// Opens the file at once, before the hours of a run; an empty path is standard output. Throws FileError.
+  explicit Output(const std::string& path = "");
+
+  std::ostream& stream() { return text_; }
+  /// Writes what the stream has collected. Throws FileError unless all of it arrives.
+  void flush();
+  [[nodiscard]] bool is_file() const { return !path_.empty(); }
+
+ private:
+  std::string path_;
+  std::ofstream file_;
+  std::ostringstream text_;
+};
+
+/// A line on standard error that is overwritten, at most ten times a second, and only on a terminal.
+class Progress {
+ public:
+  explicit Progress(bool quiet);
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  ~Progress() { erase(); }
+
+  /// True when it is time for another line.
+  bool due();
+  void show(const std::string& text);
+  void erase();
+  /// Since the start.
+  [[nodiscard]] double seconds() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point next_ = start_;
+  bool terminal_;
+};
+
+/// "62 %, 12 s left".
+std::string share_of(double done, double total, double seconds);
+
+/// From here on SIGINT and SIGTERM set a flag and end the program within a second, a second one ends it at
+/// once; a closed pipe is an error of the write.
+void watch_signals();
+bool interrupted();
+/// The message that goes with it, and the exit code.
+int say_interrupted();
+
+/// `debias: message` on standard error, as one line whatever the message holds.
+void complain(std::string_view message);
+
+/// At most `digits` significant digits, for people to read.
+std::string rounded(double x, int digits = 4);
+
+using Row = std::vector<std::string>;
+/// Left-aligned columns, two blanks apart.
+void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths);
+void print_table(std::ostream& out, const std::vector<Row>& rows);
+/// A name and a text in the columns of a printed Statistics.
+void print_line(std::ostream& out, const std::string& name, const std::string& text);
+
+}  // namespace debias::cli

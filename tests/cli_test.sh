@@ -1,0 +1,215 @@
+#!/bin/sh
+# The program as a user meets it: exit codes, what is on which stream, and that results can be trusted.
+#   sh tests/cli_test.sh PROGRAM      one line for each check that failed, then their number
+set -u
+[ $# -eq 1 ] || { echo "usage: sh tests/cli_test.sh PROGRAM" >&2; exit 2; }
+case $1 in
+  /*) debias=$1 ;;
+  *) debias=$PWD/$1 ;;
+esac
+here=$(mktemp -d)
+trap 'rm -rf "$here"' EXIT
+cd "$here" || exit 2
+
+checks=0
+failed=0
+# check WHAT COMMAND...: the command must succeed
+check() {
+  what=$1
+  shift
+  checks=$((checks + 1))
+  "$@" || { failed=$((failed + 1)); echo "FAILED: $what"; }
+}
+same() { [ "$1" = "$2" ] || { echo "  '$1' is not '$2'"; false; }; }
+lines() { wc -l < "$1" | tr -d ' '; }
+has() { grep -q -- "$1" "$2" || { echo "  no '$1' in: $(head -c 200 "$2")"; false; }; }
+
+# refused CODE WORD ARGUMENTS...: that exit code, nothing on stdout, one line on stderr, with WORD in it
+refused() {
+  code=$1
+  word=$2
+  shift 2
+  "$debias" "$@" > out 2> err < /dev/null
+  check "exit code of: debias $*" same $? "$code"
+  check "empty stdout of: debias $*" same "$(lines out)" 0
+  check "one line on stderr of: debias $*" same "$(lines err)" 1
+  check "helpful line of: debias $*" has "^debias: .*$word" err
+}
+
+# ---- wrong command lines
+refused 2 'write list, run'
+refused 2 'see `debias --help`' walk
+refused 2 "did you mean 'validate'" valdate
+refused 2 "did you mean '--version'" --versoin
+refused 2 PROBLEM run
+refused 2 "did you mean 'exp-of-mean'" run exp-of-maen
+refused 2 "'A99' is not a problem" run A99
+refused 2 "'' is not a problem" run ''
+refused 2 "'A03'" run A01 A03
+refused 2 "'validate'" run A01 validate
+refused 2 "did you mean '--samples'" run A01 --sampels 10
+refused 2 "did you mean '--samples'" run --sampels 10 A01
+refused 2 "'-x'" run A01 -x
+refused 2 "--json" run A01 --json=perhaps
+refused 2 "--samples" run A01 --samples
+refused 2 "--samples = '' (empty)" run A01 --samples ''
+refused 2 "--samples = 'nan'" run A01 --samples nan
+refused 2 "--samples = 'inf'" run A01 --samples inf
+refused 2 "--samples = '-1' .*did you mean '1'" run A01 --samples -1
+refused 2 "--samples = '0' .*did you mean '1'" run A01 --samples 0
+refused 2 "--samples = '010' .*did you mean '10'" run A01 --samples 010
+refused 2 "--samples = '1e6x' .*did you mean '1e6'" run A01 --samples 1e6x
+refused 2 "--samples = '1.5'" run A01 --samples 1.5
+refused 2 "--samples = '1,000' .*did you mean '1000'" run A01 --samples 1,000
+refused 2 "--samples = '1e30' .*did you mean '9223372036854775807'" run A01 --samples 1e30
+refused 2 "--samples" run A01 --samples 10 --samples 20
+refused 2 "--seed = '-1' .*did you mean '1'" run A01 --seed -1
+refused 2 "--seed = '18446744073709551616'" run A01 --seed 18446744073709551616
+refused 2 "--seed = '0x10'" run A01 --seed 0x10
+refused 2 "--seed = 'randm' .*did you mean 'random'" run A01 --seed randm
+refused 2 "--threads = '1025' .*did you mean '1024'" run A01 --threads 1025
+refused 2 "--threads = 'two'" run A01 --threads two
+refused 2 "--confidence = '95' .*did you mean '0.95'" run A01 --confidence 95
+refused 2 "--confidence = 'nan'" run A01 --confidence nan
+refused 2 "--confidence = '1'" run A01 --confidence 1
+refused 2 "--law: .*did you mean 'geometric'" run A01 --law geometrc:r=0.5
+refused 2 "--law: .*r = 1.5" run A01 --law geometric:r=1.5
+refused 2 "--law: .*follows the number" run A01 --law geometric:r=0.5x
+refused 2 "--law: " run A01 --law ''
+refused 2 "--law = 'zeta:s=2'" run A01 --estimator truncated --law zeta:s=2
+refused 2 "did you mean 'single_term'" run A01 --estimator single-term
+refused 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
+refused 2 "--base-level = '-1'" run A01 --base-level -1
+refused 2 "level 99" run A01 --base-level 99
+refused 2 "no law has both" run E06 --law auto
+refused 2 "--output" run A01 -o ''
+refused 2 "--output" run A01 -o -q
+refused 5 "'no/such/folder/file'" run A01 -o no/such/folder/file
+refused 5 "'/'" run A01 -o /
+refused 2 "'--samples'" --samples 10 run A01
+refused 2 "--seed" replay A01 --sample 1
+refused 2 "--sample" replay A01 --seed 1
+refused 2 "--seed = 'random'" replay A01 --seed random --sample 1
+refused 2 "--sample = '-1'" replay A01 --seed 1 --sample -1
+refused 2 "'exp_of_mean'.*did you mean 'exp-of-mean'" validate A01 exp_of_mean
+refused 2 "--samples = '1'" validate --samples 1
+refused 2 "--confidence" validate A01 --confidence 0.9
+refused 2 "write problems, estimators or laws" list everything
+refused 2 "did you mean 'laws'" list law
+refused 2 "'problems'" list laws problems
+refused 2 "is not a problem" run 'A01
+A03'
+
+# ---- files, full disks and readers that have gone
+for command in 'list' 'list --json' 'run A01 --samples 100' 'replay A01 --seed 1 --sample 1' \
+  'validate A01 --samples 100' '--help' '--version'; do
+  "$debias" $command > /dev/full 2> err
+  check "exit code on a full disk: $command" same $? 5
+  check "one line on a full disk: $command" same "$(lines err)" 1
+  { sleep 0.1; "$debias" $command 2> err; echo $? > code; } | true
+  check "exit code on a closed pipe: $command" same "$(cat code)" 5
+done
+for command in 'run A01 --samples 100' 'validate A01 --samples 100'; do
+  "$debias" $command -o /dev/full > out 2> err
+  check "exit code of a full -o: $command" same $? 5
+  check "no result of a full -o: $command" same "$(lines out)" 0
+  "$debias" $command --json -o result > out 2> err
+  check "exit code of -o: $command" same $? 0
+  check "a short summary of -o: $command" [ "$(lines out)" -ge 1 -a "$(lines out)" -le 3 ]
+  touch result
+  check "the result of -o: $command" has '"seed": *1' result
+  "$debias" $command --json -o result -q > out 2> err
+  check "silence of -o -q: $command" same "$(cat out err)" ''
+  "$debias" $command -q > out 2> err
+  check "nothing but the result of -q: $command" same "$(lines err)" 0
+  check "the result of -q: $command" has A01 out
+done
+
+# ---- signals
+for signal in INT TERM; do
+  # A level of 2^60 draws cannot be stopped politely.
+  case $signal in
+    INT) "$debias" run A01 --samples 1e15 > out 2> err & ;;
+    *) "$debias" run A01 --base-level 60 --samples 1 > out 2> err & ;;
+  esac
+  process=$!
+  sleep 1
+  kill -$signal $process 2> /dev/null
+  wait $process
+  check "exit code after SIG$signal" same $? 130
+  check "one line after SIG$signal" same "$(lines err)" 1
+  check "no result after SIG$signal" same "$(lines out)" 0
+done
+
+# ---- results
+without_time() { grep -v -e '"seconds"' -e '"efficiency"'; }
+"$debias" run A01 --samples 20000 --seed 5 --threads 1 --json | without_time > one
+for threads in 2 3 7; do
+  "$debias" run A01 --samples 20000 --seed 5 --threads $threads --json | without_time > many
+  check "the same JSON on 1 and $threads threads" cmp -s one many
+done
+"$debias" run exp-of-mean --samples 2e4 --seed 5 --json | without_time > many
+check "the same JSON by name" cmp -s one many
+"$debias" run A01 --samples 20_000 --seed 6 --json | without_time > many
+check "another JSON for another seed" eval '! cmp -s one many'
+
+# value_of KEY: of a JSON text with one key per line, the first one
+value_of() { sed -n "s/^ *\"$1\": \(.*[^,]\),*\$/\1/p" | head -n 1; }
+for options in '' '--estimator independent_sum --law geometric:r=0.6' \
+  '--estimator single_term_drawn --base-level 2'; do
+  "$debias" run A01 $options --samples 5000 --seed 9 --json > run.json
+  sed -n '/"largest"/,$p' run.json > largest
+  sample=$(value_of index < largest)
+  "$debias" replay A01 $options --seed 9 --sample "$sample" --json > replay.json
+  check "replay equals the largest sample: $options" \
+    same "$(value_of value < replay.json)" "$(value_of value < largest)"
+  check "replay reaches the level of the largest sample: $options" \
+    same "$(value_of level < replay.json)" "$(value_of level < largest)"
+done
+
+"$debias" run A01 --samples 100 --seed random --json > random1
+"$debias" run A01 --samples 100 --seed random --json > random2
+check "two random seeds differ" eval '[ "$(value_of seed < random1)" != "$(value_of seed < random2)" ]'
+"$debias" run A01 --samples 100 --seed "$(value_of seed < random1)" --json | without_time > again
+without_time < random1 > random
+check "a random seed is printed and can be used again" cmp -s random again
+
+"$debias" run A01 --samples 1 --json > out
+check "a single sample has no error" has '"standard_error": null' out
+check "a single sample says so" has '"status": "one_sample"' out
+"$debias" run E06 --law geometric:theta=0.9 --samples 100 --json > out 2> err
+check "an explicit law runs where none is good" same $? 0
+check "and the verdict says so" has 'INFINITE' out
+
+"$debias" validate A01 A03 --samples 2e4 > out 2> err
+check "validation passes" same $? 0
+check "nothing on stderr of validate" same "$(lines err)" 0
+check "a summary of validate" has '^[0-9]* cells: [0-9]* passed, 0 failed' out
+"$debias" validate A01 E06 --samples 2e4 --json > cells.jsonl
+check "a refused cell says why" has '"status":"refused","reason":"..*"' cells.jsonl
+check "the summary is the last line" eval 'tail -n 1 cells.jsonl | grep -q "\"max_abs_z\""'
+
+for topic in problems estimators laws; do
+  "$debias" list $topic > out 2> err
+  check "list $topic" [ "$(lines out)" -ge 4 -a "$(lines err)" -eq 0 ]
+done
+check "--version names the stream layout" eval '"$debias" --version | grep -q "stream layout [0-9]"'
+for command in '' list run replay validate; do
+  check "debias $command --help" eval '"$debias" $command --help > out 2> err && [ "$(lines out)" -ge 5 ]'
+done
+
+if command -v python3 > /dev/null && python3 -c '' 2> /dev/null; then
+  strict='import json, sys
+def refuse(word): raise ValueError(word)
+for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
+  json.loads(text, parse_constant=refuse)'
+  for command in 'list' 'list estimators' 'list laws' 'run A01 --samples 1000' 'run A01 --samples 1' \
+    'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3'; do
+    "$debias" $command --json > out
+    check "valid JSON: $command" python3 -c "$strict" whole < out 2> err
+  done
+  check "valid JSON lines: validate" python3 -c "$strict" lines < cells.jsonl 2> err
+fi
+
+echo "$((checks - failed)) of $checks checks passed"
+[ $failed -eq 0 ]
