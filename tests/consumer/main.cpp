@@ -1,12 +1,12 @@
-// Uses a template of the headers and a function of the compiled library.
-#include <cstdio>
+#include <iostream>
 
-#include <debias/core/stream.hpp>
+#include <debias/debias.hpp>
 
 int main() {
-  debias::Stream rng(1, 0);
-  const double u = rng.uniform();
-  const double z = rng.normal();
-  std::printf("uniform %.3f, normal %.3f\n", u, z);
-  return u > 0 && u < 1 ? 0 : 1;
+  const auto x = [](debias::Stream& rng) {  // E X = 4/3
+    const double u = rng.uniform();
+    return 1 + u * u;
+  };
+  const auto estimator = debias::single_term(debias::reciprocal(x));  // of 1 / E X = 3/4
+  std::cout << debias::estimate(estimator, {.samples = 1'000'000, .seed = 7});
 }
