@@ -82,13 +82,13 @@ static_assert(!debias::Pmf<SamplesAStream>);
 
 template <class P>
 bool fails(const std::string& kind) {
-  return laws::mentions(laws::pmf_laws(P{}), kind);
+  return debias::laws::names(debias::laws::pmf_laws(P{}), kind);
 }
 
 }  // namespace
 
 TEST_CASE("The law suite accepts a right law", "[core][law]") {
-  CHECK(laws::pmf_laws(Half{}) == laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Half{}) == debias::laws::Failures{});
 }
 
 TEST_CASE("The law suite rejects each wrong law by the claim that it breaks", "[core][law]") {

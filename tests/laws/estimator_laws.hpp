@@ -26,9 +26,9 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/value.hpp>
 
-namespace debias::laws {
+#include "failures.hpp"
 
-using Failures = std::vector<std::string>;
+namespace debias::laws {
 
 struct EstimatorLawOptions {
   std::int64_t samples = 1 << 16;
@@ -39,12 +39,6 @@ struct EstimatorLawOptions {
   double spread_tolerance = 0.225;  ///< of the standard deviation of z: 4.5 / sqrt(2 x 200)
   double rounding = 1e-13;          ///< relative to the truth
 };
-
-/// Is one of the failures about this claim?
-inline bool names(const Failures& failures, const std::string& claim) {
-  return std::any_of(failures.begin(), failures.end(),
-                     [&claim](const std::string& f) { return f.rfind(claim, 0) == 0; });
-}
 
 namespace detail {
 

@@ -22,9 +22,9 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/stream.hpp>
 
-namespace laws {
+#include "failures.hpp"
 
-using Failures = std::vector<std::string>;
+namespace debias::laws {
 
 /// Each claim is reported once, with the first level or u that contradicts it.
 class Verdict {
@@ -184,10 +184,4 @@ Failures pmf_laws(const P& p) {
   return verdict.failures();
 }
 
-/// Whether a claim of that kind, "masses" or "inverse" or "frequencies", is among the failures.
-inline bool mentions(const Failures& failures, const std::string& kind) {
-  return std::any_of(failures.begin(), failures.end(),
-                     [&](const std::string& failure) { return failure.rfind(kind, 0) == 0; });
-}
-
-}  // namespace laws
+}  // namespace debias::laws

@@ -31,9 +31,9 @@
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
 
-namespace laws {
+#include "failures.hpp"
 
-using Failures = std::vector<std::string>;
+namespace debias::laws {
 
 struct SequenceLawOptions {
   std::int64_t first = 0;       // shallower levels are not looked at: their moments may be infinite
@@ -49,8 +49,6 @@ struct SequenceLawOptions {
 };
 
 namespace detail {
-
-using namespace debias;
 
 /// What n draws of one random value say, component by component.
 struct Means {
@@ -342,4 +340,4 @@ Failures sequence_laws(const S& s, const SequenceLawOptions& options = {}) {
   return detail::SequenceLaws<S>(s, options).check();
 }
 
-}  // namespace laws
+}  // namespace debias::laws

@@ -18,9 +18,9 @@
 
 #include <debias/core/value.hpp>
 
-namespace debias::laws {
+#include "failures.hpp"
 
-using Failures = std::vector<std::string>;
+namespace debias::laws {
 
 namespace detail {
 

@@ -54,7 +54,7 @@ TEST_CASE("A law chosen at run time is a law", "[pmf][law]") {
   for (const char* spec :
        {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=3", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
     CAPTURE(spec);
-    CHECK(laws::pmf_laws(AnyPmf::parse(spec)) == laws::Failures{});
+    CHECK(debias::laws::pmf_laws(AnyPmf::parse(spec)) == debias::laws::Failures{});
   }
 }
 

@@ -14,9 +14,9 @@ using debias::BhanotKennedy;
 static_assert(debias::DescribedPmf<BhanotKennedy>);
 
 TEST_CASE("without an atom at zero the law of Bhanot and Kennedy keeps all laws of a law", "[pmf][law]") {
-  CHECK(laws::pmf_laws(BhanotKennedy(0, 2, 2)) == laws::Failures{});
-  CHECK(laws::pmf_laws(BhanotKennedy(0, 1, 0.3)) == laws::Failures{});
-  CHECK(laws::pmf_laws(BhanotKennedy(0, 16, 16)) == laws::Failures{});
+  CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 2, 2)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 1, 0.3)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 16, 16)) == debias::laws::Failures{});
 }
 
 TEST_CASE("its tails are (1 - zero) prod min(1, c / i), its masses their differences, its samples their inverse",

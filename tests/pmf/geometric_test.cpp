@@ -56,15 +56,15 @@ TEST_CASE("Geometric masses and tails are within 1e-15 for r near 0, near 1 and 
   for (const auto& [r, level, mass, tail] : references) {
     CAPTURE(r, level);
     const Geometric law(r);
-    CHECK(laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(laws::relative_error(law.tail(level), tail) < 1e-15);
+    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
   }
 }
 
 TEST_CASE("Geometric is a law", "[pmf][law]") {
   for (const double r : {0x1p-40, 1e-6, 0.05, 0.3, 0.5, 0.65, 0.95, 0.999999, 1 - 0x1p-53}) {
     CAPTURE(r);
-    CHECK(laws::pmf_laws(Geometric(r)) == laws::Failures{});
+    CHECK(debias::laws::pmf_laws(Geometric(r)) == debias::laws::Failures{});
   }
 }
 
@@ -72,8 +72,8 @@ TEST_CASE("A geometric exponent theta gives r = 1 - 2^-theta and is found again 
           "[pmf][exact]") {
   CHECK(Geometric::with_exponent(1).mass(0) == 0.5);
   CHECK(Geometric::with_exponent(53).tail(1) == 0x1p-53);
-  CHECK(laws::relative_error(Geometric::with_exponent(1.5).mass(0), 0.64644660940672623780) < 1e-15);
-  CHECK(laws::relative_error(Geometric::with_exponent(1e-9).mass(0), 6.9314718031971884568e-10) < 1e-15);
+  CHECK(debias::laws::relative_error(Geometric::with_exponent(1.5).mass(0), 0.64644660940672623780) < 1e-15);
+  CHECK(debias::laws::relative_error(Geometric::with_exponent(1e-9).mass(0), 6.9314718031971884568e-10) < 1e-15);
   for (const double theta : {1e-9, 0.1, 1.0, 1.5, 2.0, 8.0}) {
     CAPTURE(theta);
     const Geometric law = Geometric::with_exponent(theta);

@@ -50,15 +50,15 @@ TEST_CASE("Poisson masses and tails are within 1e-15 from lambda = 1e-3 to 1e4, 
   for (const auto& [lambda, level, mass, tail] : references) {
     CAPTURE(lambda, level);
     const Poisson law(lambda);
-    CHECK(laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(laws::relative_error(law.tail(level), tail) < 1e-15);
+    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
   }
 }
 
 TEST_CASE("Poisson is a law", "[pmf][law]") {
   for (const double lambda : {1e-300, 1e-3, 0.5, 3.0, 40.0, 81.0, 100.0, 1000.0, 1e4, 1e6}) {
     CAPTURE(lambda);
-    CHECK(laws::pmf_laws(Poisson(lambda)) == laws::Failures{});
+    CHECK(debias::laws::pmf_laws(Poisson(lambda)) == debias::laws::Failures{});
   }
 }
 

@@ -34,21 +34,21 @@ TEST_CASE("Tabulated masses and tails are within 1e-15, in the table and beyond"
   const Tabulated law({0.5, 0.3, 0.2}, 0.4);
   for (const auto& [level, mass, tail] : references) {
     CAPTURE(level);
-    CHECK(laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(laws::relative_error(law.tail(level), tail) < 1e-15);
+    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
   }
 }
 
 TEST_CASE("Tabulated is a law, also where its masses rise", "[pmf][law]") {
-  CHECK(laws::pmf_laws(Tabulated({0.5, 0.3, 0.2}, 0.4)) == laws::Failures{});
-  CHECK(laws::pmf_laws(Tabulated({1}, 0.5)) == laws::Failures{});
-  CHECK(laws::pmf_laws(Tabulated({1, 1e-9, 1000, 3}, 0.01)) == laws::Failures{});
-  CHECK(laws::pmf_laws(Tabulated({2, 7}, 0.999)) == laws::Failures{});
-  CHECK(laws::pmf_laws(Tabulated({2, 7}, 1e-12)) == laws::Failures{});
-  CHECK(laws::pmf_laws(Tabulated({2, 7}, 1 - 0x1p-40)) == laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({0.5, 0.3, 0.2}, 0.4)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({1}, 0.5)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({1, 1e-9, 1000, 3}, 0.01)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({2, 7}, 0.999)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({2, 7}, 1e-12)) == debias::laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated({2, 7}, 1 - 0x1p-40)) == debias::laws::Failures{});
   std::vector<double> masses;
   for (int j = 1; j <= 500; ++j) masses.push_back(std::pow(j, -1.5));
-  CHECK(laws::pmf_laws(Tabulated(masses, 0.9)) == laws::Failures{});
+  CHECK(debias::laws::pmf_laws(Tabulated(masses, 0.9)) == debias::laws::Failures{});
 }
 
 TEST_CASE("Tabulated weights need no normalisation", "[pmf][exact]") {

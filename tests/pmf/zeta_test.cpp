@@ -64,15 +64,15 @@ TEST_CASE("Zeta masses and tails are within 2e-15 for s near 1, large s and up t
   for (const auto& [s, level, mass, tail] : references) {
     CAPTURE(s, level);
     const Zeta law(s);
-    CHECK(laws::relative_error(law.mass(level), mass) < 2e-15);
-    CHECK(laws::relative_error(law.tail(level), tail) < 2e-15);
+    CHECK(debias::laws::relative_error(law.mass(level), mass) < 2e-15);
+    CHECK(debias::laws::relative_error(law.tail(level), tail) < 2e-15);
   }
 }
 
 TEST_CASE("Zeta is a law", "[pmf][law]") {
   for (const double s : {1.01, 1.1, 1.5, 2.0, 2.5, 4.0, 30.0, 150.0, 5000.0}) {
     CAPTURE(s);
-    CHECK(laws::pmf_laws(Zeta(s)) == laws::Failures{});
+    CHECK(debias::laws::pmf_laws(Zeta(s)) == debias::laws::Failures{});
   }
 }
 
