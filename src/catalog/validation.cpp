@@ -89,13 +89,8 @@ Cell run_cell(const Problem& problem, const Choice& choice, const Plan& plan, co
   }
   cell.statistics = problem.run(choice, plan);
   cell.has_run = true;
-  const ComponentEstimate& estimate = cell.statistics.components.front();
-  double size = std::max(std::abs(problem.truth), std::hypot(estimate.mean, std::sqrt(estimate.variance)));
-  for (const LevelRow& row : cell.statistics.levels) {
-    if (row.is_base) size = std::max(size, std::sqrt(row.second_moment));  // what a difference may cancel
-  }
-  const double error = std::max(estimate.standard_error, rounding_bound(size));
-  cell.z = (estimate.mean - problem.truth) / error;
+  const double error = believed_error(cell.statistics, problem.truth);
+  cell.z = (cell.statistics.components.front().mean - problem.truth) / error;
   cell.detectable_bias = error;  // in units of the threshold, which is known once all cells are counted
   if (is_baseline(choice)) {
     cell.status = Status::biased;
@@ -137,6 +132,15 @@ std::vector<Choice> choices(const Problem& problem) {
   }
   for (const Special& s : problem.specials) all.push_back({Method::single_term, law, m, s.name});
   return all;
+}
+
+double believed_error(const Statistics& statistics, double truth) {
+  const ComponentEstimate& estimate = statistics.components.front();
+  double size = std::max(std::abs(truth), std::hypot(estimate.mean, std::sqrt(estimate.variance)));
+  for (const LevelRow& row : statistics.levels) {
+    if (row.is_base) size = std::max(size, std::sqrt(row.second_moment));  // what a difference may cancel
+  }
+  return std::max(estimate.standard_error, rounding_bound(size));
 }
 
 double family_threshold(std::int64_t cells) {

@@ -46,6 +46,10 @@ struct Report {
 /// The choices that validation runs for a problem, with the law its rates ask for; empty law: refused.
 std::vector<Choice> choices(const Problem& problem);
 
+/// The standard error of a run, or what rounding may do to its mean, whichever is larger: where all samples agree,
+/// rounding is what is left of the error.
+double believed_error(const Statistics& statistics, double truth);
+
 /// |z| at which one of `cells` right cells is rejected by chance once in a million validations.
 double family_threshold(std::int64_t cells);
 

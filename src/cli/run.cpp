@@ -1,6 +1,3 @@
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <ostream>
 #include <string>
 #include <utility>
@@ -26,12 +23,6 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
   v.finite_work = true;
   v.sentence = "one level only: its bias is no part of the standard error";
   return v;
-}
-
-// Where all samples agree, rounding is what is left of the error.
-double z_score(const ComponentEstimate& estimate, double truth) {
-  const double rounding = 16 * std::numeric_limits<double>::epsilon() * std::abs(truth);
-  return (estimate.mean - truth) / std::max(estimate.standard_error, rounding);
 }
 
 std::string title(const catalog::Problem& problem) { return problem.id + " " + problem.name; }
@@ -88,7 +79,8 @@ int run(const Arguments& arguments) {
         ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
   }
   const Interval interval = statistics.interval(confidence);
-  const double z = z_score(statistics.components.front(), problem.truth);
+  const double z = (statistics.components.front().mean - problem.truth) /
+                   catalog::believed_error(statistics, problem.truth);
   const Run result{&problem, choice, std::move(statistics), interval, verdict, z};
 
   if (arguments.json) {

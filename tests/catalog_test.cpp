@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "catalog.hpp"
+#include "catalog/validation.hpp"
+#include "catch_shim.hpp"
+
+#include <debias/core/rates.hpp>
+
+using namespace debias;
+using namespace debias::catalog;
+
+TEST_CASE("every problem has an id and a name of its own, a finite truth, and at least two stand in every group",
+          "[catalog][exact]") {
+  std::set<std::string> names;
+  std::map<char, int> groups;
+  for (const Problem& p : problems()) {
+    CAPTURE(p.id, p.name);
+    CHECK(names.insert(p.id).second);
+    CHECK(names.insert(p.name).second);
+    CHECK(std::isfinite(p.truth));
+    CHECK_FALSE(p.formula.empty());
+    CHECK(&find(p.id) == &p);
+    CHECK(&find(p.name) == &p);
+    ++groups[p.id.front()];
+  }
+  CHECK(problems().size() >= 30);
+  for (const char group : std::string("ABCDEFHM")) CHECK(groups[group] >= 2);
+  CHECK_THROWS_WITH(find("A1O"), Catch::Contains("A10"));
+}
+
+TEST_CASE("a law is refused exactly where no law has finite variance and finite work", "[catalog][exact]") {
+  std::vector<std::string> refused;
+  for (const Problem& p : problems()) {
+    if (!law_exists(p.rates)) {
+      refused.push_back(p.id);
+      CHECK_THROWS_AS(default_law(p), std::invalid_argument);
+    } else {
+      CHECK_NOTHROW(default_law(p));
+    }
+  }
+  CHECK(refused == std::vector<std::string>{"C12", "E06"});
+}
+
+TEST_CASE("the threshold rejects one family in a million: 4.9 for one cell, 5.5 for 30, 6.1 for 1000",
+          "[catalog][exact]") {
+  CHECK(family_threshold(1) == Approx(4.89164).epsilon(1e-5));
+  CHECK(family_threshold(30) == Approx(5.52296).epsilon(1e-5));
+  CHECK(family_threshold(1000) == Approx(6.10941).epsilon(1e-5));
+}
+
+TEST_CASE("validation rejects a truth that is off by three times the detectable bias and passes the right one",
+          "[catalog][statistical]") {
+  for (const char* id : {"A10", "B02", "C02", "D01", "F02", "H01"}) {
+    CAPTURE(id);
+    const Problem& right = find(id);
+    const Plan plan{.samples = 1 << 12, .seed = 3};
+    const Report passed = validate({&right}, plan);
+    CHECK(passed.failed == 0);
+    REQUIRE(passed.passed > 0);
+    double bias = 0;
+    for (const Cell& cell : passed.cells) bias = std::max(bias, cell.detectable_bias);
+    Problem wrong = right;
+    wrong.truth += 3 * bias;
+    const Report failed = validate({&wrong}, plan);
+    CHECK(failed.passed == 0);
+    CHECK(failed.failed == passed.passed);
+  }
+}
+
+TEST_CASE("a replay of the largest samples of a run gives their level and their bits", "[catalog][exact]") {
+  for (const Problem& p : problems()) {
+    if (!law_exists(p.rates)) continue;
+    for (const Choice& choice : choices(p)) {
+      const Statistics run = p.run(choice, {.samples = 500, .seed = 11});
+      REQUIRE_FALSE(run.largest.empty());
+      for (const LargeSample& large : {run.largest.front(), run.largest.back()}) {
+        CAPTURE(p.id, name_of(choice), large.index);
+        const auto sample = p.trace(choice, 11, large.index).sample;
+        CHECK(sample.value == large.value);
+        CHECK(sample.level == large.level);
+      }
+    }
+  }
+}
