@@ -120,7 +120,7 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
   };
   const RunVerdict verdict = s.verdict();
-  const bool has_verdict = s.nonfinite == 0 && s.samples > 1;
+  const bool has_verdict = s.nonfinite == 0 && s.moments.count > 1;
   const char* doubt = has_verdict && !verdict.interval_reliable() ? " (unreliable, see verdict)" : "";
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     const ComponentEstimate& c = s.components[i];

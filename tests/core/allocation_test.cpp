@@ -14,10 +14,13 @@
 
 #include <malloc.h>
 
+#include <Eigen/Core>
+
 #include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/function_of_mean.hpp>
 #include <debias/pmf/geometric.hpp>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -98,6 +101,16 @@ TEST_CASE("a million scalar samples allocate by the chunk, not by the sample, in
   CHECK(large.calls < 2000);                   // 245 chunks of 4096
   CHECK(large.peak < small.peak + 64 * 1024);  // the tree of chunks has three more open nodes
   CHECK(large.peak < 4 * 1024 * 1024);
+
+  // three colours through a function of their mean, base and difference from shared draws
+  using Color = Eigen::Array3d;
+  const auto color = [](Stream& rng) {
+    const double u = rng.uniform();
+    return Color(u, u * u, 1 - u);
+  };
+  const auto fade = [](const Color& mean) -> Color { return (-mean).exp(); };
+  const auto colors = single_term(function_of_mean(color, fade), Geometric(0.6));
+  CHECK(heap_use(colors, 1'000'000).calls < 2000);
 
   const auto allocating = [&debiased](Stream& rng) {
     NullRecord record;
