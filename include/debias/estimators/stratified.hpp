@@ -38,8 +38,8 @@ inline const char* name_of(Strata strata) {
 
 /// An estimator whose level can be drawn from outside.
 template <class E>
-concept StratifiableEstimator = Estimator<E> && requires(const E& e, double u, std::int64_t level,
-                                                         const Stream& rng, NullRecord& record) {
+concept StratifiableEstimator = Estimator<E> &&
+    requires(const E& e, double u, std::int64_t level, const Stream& rng, NullRecord& record) {
   { e.level_at(u) } -> std::same_as<std::int64_t>;
   { e.probability(level) } -> std::same_as<double>;
   e.draw(level, rng, record);
@@ -52,7 +52,7 @@ class Stratified {
  public:
   using value_type = estimate_value_t<E>;
 
-  /// Throws std::invalid_argument for an empty block.
+  /// Throws std::invalid_argument for an empty block, or residual strata of a law with a very slow tail.
   Stratified(E estimator, std::int64_t block, Strata strata)
       : estimator_(std::move(estimator)), block_(block), strata_(strata) {
     if (block < 1) {
@@ -100,7 +100,7 @@ class Stratified {
  private:
   struct Copies {
     std::int64_t level;
-    std::int64_t count;     // floor(n p)
+    std::int64_t count;    // floor(n p)
     double residual_tail;  // n p - floor(n p), summed from the deepest level up to this one
   };
 
@@ -129,15 +129,25 @@ class Stratified {
     const auto n = static_cast<double>(block_);
     const std::int64_t first = estimator_.level_at(1);
     std::int64_t levels = 1;
-    while (n * estimator_.law().tail(levels) >= 1) ++levels;
+    while (n * estimator_.law().tail(levels) >= 1) {
+      if (++levels > most_copied_levels) refuse_slow_tail();
+    }
     rest_tail_ = n * estimator_.law().tail(levels);
+    copies_.resize(static_cast<std::size_t>(levels));
     double residual = rest_tail_;
     for (std::int64_t j = levels; j-- > 0;) {
       const double expected = n * estimator_.probability(first + j);
       const double whole = std::floor(expected);
       residual += expected - whole;
-      copies_.insert(copies_.begin(), {first + j, static_cast<std::int64_t>(whole), residual});
+      copies_[static_cast<std::size_t>(j)] = {first + j, static_cast<std::int64_t>(whole), residual};
     }
+  }
+
+  [[noreturn]] void refuse_slow_tail() const {
+    throw std::invalid_argument("stratified: residual strata with " + description(estimator_) +
+                                " (its tail is not below 1 / " + std::to_string(block_) + " within " +
+                                std::to_string(most_copied_levels) +
+                                " levels: too slow, or no law); take Strata::systematic");
   }
 
   [[nodiscard]] std::int64_t residual_level(double u) const {
@@ -147,6 +157,8 @@ class Stratified {
     while (row + 1 < copies_.size() && left <= copies_[row + 1].residual_tail) ++row;
     return copies_[row].level;
   }
+
+  static constexpr std::int64_t most_copied_levels = std::int64_t{1} << 16;
 
   E estimator_;
   std::int64_t block_;
