@@ -9,8 +9,8 @@
 //
 //   Notation: x = at, h_k = first_step ratio^k; f(x), or f(x, stream) for the derivative of x -> E f(x).
 // All evaluations of a draw see the same random numbers. The rates hold where f is smooth in every sample.
-// Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump, or have noise of their own,
-// E D_k^2 grows and no law helps: `measure_coupling` sees it.
+// Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump or have their own noise,
+// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it.
 // Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
 // (`last_level`); later differences are 0, and the result carries the bound on the bias (`bias_bound`).
 
@@ -106,7 +106,8 @@ class FiniteDifference {
     measure_size();
     if (options_.last_level) {
       if (*options_.last_level < 0 || *options_.last_level > deepest) {
-        refuse("last_level must lie in 0 ... " + std::to_string(deepest) + "; beyond, the step is lost beside `at`");
+        refuse("last_level must lie in 0 ... " + std::to_string(deepest) +
+               "; beyond, the step is lost beside `at`");
       }
       last_level_ = *options_.last_level;
     } else {
@@ -148,7 +149,8 @@ class FiniteDifference {
     }
     const Quotients q(*this, rng);
     value_type value = scaled(q(level), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    for (int i = 1; i <= options_.extrapolations; ++i)
+      value = sum(std::move(value), scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
@@ -156,26 +158,47 @@ class FiniteDifference {
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
 
   /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares of
-  /// the levels of the run, continued with the declared rate; infinite if that does not fall. Rounding: f within
-  /// eps of f(x (1 + eps)), its size measured at `at`.
+  /// the levels of the run, continued with the declared rate; infinite if that does not fall, or if the levels
+  /// do not. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     const double fall = rates.variance / 2;
     double truncation = 0;
     bool seen = false;
-    for (std::size_t i = 1; i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
+    struct Moment {
+      std::int64_t level = 0;
+      double log_square = 0;
+      double variance = 0;  // of log_square
+    } first, deepest;
+    for (std::size_t i = 1;
+         i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
       const LevelSums& row = levels.rows()[i];
       const auto level = static_cast<std::int64_t>(i);
       if (row.count == 0 || level > last_level_) continue;
       seen = true;
-      const double rms = std::sqrt(row.square / static_cast<double>(row.count));
-      truncation = std::max(truncation, rms * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
+      const auto count = static_cast<double>(row.count);
+      const double square = row.square / count;
+      truncation = std::max(
+          truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
+      const double kurtosis = square > 0 ? row.fourth / count / square / square : 0;
+      if (!(square > 0) || count < draws_per_kurtosis * kurtosis) continue;
+      deepest = {level, std::log(square), (kurtosis - 1) / count};
+      if (first.level == 0) first = deepest;
     }
-    truncation = seen && fall > 0 ? truncation / (1 - std::exp2(-fall)) : std::numeric_limits<double>::infinity();
+    const bool grows =
+        deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
+    truncation = seen && fall > 0 && !grows ? truncation / (1 - std::exp2(-fall))
+                                            : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
     std::ostringstream text;
-    text << "finite differences end at level " << last_level_ << "; truncation " << truncation
-         << " if E D_k^2 falls like 2^(-" << rates.variance << " k), rounding " << rounding
-         << " if f is good to one unit in the last place";
+    text << "finite differences end at level " << last_level_ << "; truncation " << truncation;
+    if (grows) {
+      text << ", since the differences grow (E D_k^2 = " << std::exp(first.log_square) << " at level "
+           << first.level << ", " << std::exp(deepest.log_square) << " at " << deepest.level
+           << "): f jumps, or has noise of its own, and common random numbers do not help";
+    } else {
+      text << " if E D_k^2 falls like 2^(-" << rates.variance << " k)";
+    }
+    text << ", rounding " << rounding << " if f is good to one unit in the last place";
     return {truncation + rounding, text.str()};
   }
 
@@ -194,6 +217,7 @@ class FiniteDifference {
  private:
   static constexpr int max_extrapolations = 6;
   static constexpr std::uint64_t size_draws = 32;
+  static constexpr double draws_per_kurtosis = 10;
 
   [[nodiscard]] bool is_central() const { return options_.kind == Difference::central; }
   [[nodiscard]] bool is_second() const { return options_.kind == Difference::second; }
@@ -213,11 +237,13 @@ class FiniteDifference {
       }
       value_type rise = debias::difference(std::move(up), *here_);
       if (!d_.is_second()) return over(std::move(rise), h);
-      const value_type before = debias::difference(value_type(*here_), detail::evaluate(d_.f_, d_.at_ - h, rng_));
+      const value_type before =
+          debias::difference(value_type(*here_), detail::evaluate(d_.f_, d_.at_ - h, rng_));
       return over(over(debias::difference(std::move(rise), before), h), h);
     }
     [[nodiscard]] double work(int quotients) const {
-      return (d_.is_central() ? 0.0 : 1.0) + quotients * (d_.options_.kind == Difference::forward ? 1.0 : 2.0);
+      return (d_.is_central() ? 0.0 : 1.0) +
+             quotients * (d_.options_.kind == Difference::forward ? 1.0 : 2.0);
     }
 
    private:
@@ -246,7 +272,8 @@ class FiniteDifference {
     weights_[0] = 1;
     for (int m = 1; m <= options_.extrapolations; ++m) {
       const double s = std::pow(options_.ratio, options_.kind == Difference::forward ? m : 2 * m);
-      for (auto i = static_cast<std::size_t>(m); i > 0; --i) weights_[i] = (weights_[i - 1] - s * weights_[i]) / (1 - s);
+      for (auto i = static_cast<std::size_t>(m); i > 0; --i)
+        weights_[i] = (weights_[i - 1] - s * weights_[i]) / (1 - s);
       weights_[0] *= -s / (1 - s);
     }
   }
@@ -261,7 +288,8 @@ class FiniteDifference {
       const Stream rng = split(Stream(0, i), Branch::pilot);
       const value_type f = detail::evaluate(f_, at_, rng);
       const double size = as_scalar(f);
-      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      const double moved =
+          as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);
@@ -290,15 +318,16 @@ class FiniteDifference {
 
   [[noreturn]] void refuse(const std::string& why) const {
     std::ostringstream text;
-    text << "finite_difference: at = " << at_ << ", first_step = " << options_.first_step << ", ratio = "
-         << options_.ratio << " (" << why << ")";
+    text << "finite_difference: at = " << at_ << ", first_step = " << options_.first_step
+         << ", ratio = " << options_.ratio << " (" << why << ")";
     throw std::invalid_argument(text.str());
   }
 
   [[noreturn]] void beyond_last(std::int64_t level) const {
     std::ostringstream text;
-    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * " << options_.ratio
-         << "^" << level << " beside at = " << at_ << " is lost in rounding; the last level is " << last_level_
+    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * "
+         << options_.ratio << "^" << level << " beside at = " << at_
+         << " is lost in rounding; the last level is " << last_level_
          << ": take a law that reaches deep levels less often, or BeyondLast::truncates";
     throw std::length_error(text.str());
   }
@@ -369,7 +398,8 @@ class PartialDerivatives {
   using value_type = J;
   using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
 
-  PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
+  PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options,
+                     const Rates& declared)
       : rates(declared), shape_(zero_like(std::move(shape))) {
     for (std::size_t i = 0; i < component_count(at); ++i) {
       partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
@@ -439,7 +469,8 @@ PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& 
 /// The Jacobian of a vector-valued f, in a column-major matrix like `shape`: row r, column i is df_r / dx_i.
 /// Throws as finite_difference does, and std::invalid_argument for a shape of another size.
 template <class F, ArrayValue A, ArrayValue J>
-PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
+PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape,
+                                     const DifferenceOptions& options = {}) {
   return {f, at, shape, options, detail::smooth_rates(options)};
 }
 
@@ -456,66 +487,6 @@ auto complex_step(F f, double at) {
       return f(point).imag() / h;
     }
   };
-}
-
-/// How E D_k^2 behaves over a few levels: whether common random numbers make it fall.
-struct CouplingReport {
-  double exponent = 0;        ///< beta of E D_k^2 ~ 2^(-beta k); infinite where no difference was seen
-  double standard_error = 0;  ///< of the exponent
-  bool helps = false;         ///< beta > 0 by two standard errors
-  std::string sentence;
-};
-
-struct CouplingOptions {
-  std::int64_t first = 3;
-  std::int64_t last = 8;
-  std::int64_t draws = 2000;
-  std::uint64_t seed = 1;  ///< its pilot streams, apart from those of a run
-};
-
-/// Measures the decay of E D_k^2, of any sequence, over the levels of the options.
-/// Throws std::invalid_argument for fewer than three levels or two draws.
-template <BiasedSequence S>
-CouplingReport measure_coupling(const S& s, const CouplingOptions& o = {}) {
-  if (o.first < 1 || o.last < o.first + 2 || o.draws < 2) {
-    throw std::invalid_argument("measure_coupling: first = " + std::to_string(o.first) + ", last = " +
-                                std::to_string(o.last) + ", draws = " + std::to_string(o.draws) +
-                                " (needs first > 0, three levels and two draws)");
-  }
-  CouplingReport report;
-  const double centre = static_cast<double>(o.first + o.last) / 2;
-  double spread = 0;
-  double slope = 0;
-  double doubt = 0;
-  for (std::int64_t level = o.first; level <= o.last; ++level) {
-    LevelSums sums;
-    for (std::int64_t i = 0; i < o.draws; ++i) {
-      Stream rng = split_level(split(Stream(o.seed, static_cast<std::uint64_t>(i)), Branch::pilot), level);
-      const auto term = difference_of(s, level, rng);
-      sums.add(as_scalar(term.value), term.work);
-    }
-    if (!(sums.square > 0)) {
-      report = {std::numeric_limits<double>::infinity(), 0, true,
-                "no difference was seen at level " + std::to_string(level)};
-      return report;
-    }
-    const auto n = static_cast<double>(o.draws);
-    const double x = static_cast<double>(level) - centre;
-    const double kurtosis = sums.fourth / sums.square * n / sums.square;
-    spread += x * x;
-    slope -= x * std::log2(sums.square / n);
-    doubt += x * x * std::max(kurtosis - 1, 0.0) / (n * std::log(2.0) * std::log(2.0));
-  }
-  report.exponent = slope / spread;
-  report.standard_error = std::sqrt(doubt) / spread;
-  report.helps = report.exponent > 2 * report.standard_error;
-  std::ostringstream text;
-  text << "E D_k^2 ~ 2^(-beta k) with beta = " << report.exponent << " +- " << report.standard_error
-       << (report.helps ? ": common random numbers help"
-                        : " (must be positive): common random numbers do not help, by a jump or by noise that is "
-                          "not shared; no law has a finite variance, smooth f or differentiate the density");
-  report.sentence = text.str();
-  return report;
 }
 
 }  // namespace debias
