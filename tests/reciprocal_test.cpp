@@ -21,9 +21,9 @@
 #include "laws/sequence_laws.hpp"
 
 using namespace debias;
+using debias::laws::estimator_laws;
 using ::laws::Failures;
 using ::laws::sequence_laws;
-using debias::laws::estimator_laws;
 
 namespace {
 
@@ -155,8 +155,8 @@ double z_of_variance(const E& e, double exact) {
   return std::abs(r.moments.variance() - exact) / error;
 }
 
-/// Trials that follow one shifted dyadic sequence: dependent. Of two neighbours one lies in [0, 1/2), so that the mean
-/// is 3/2.
+/// Trials that follow one shifted dyadic sequence: dependent. Of two neighbours one lies in [0, 1/2), so that
+/// the mean is 3/2.
 struct DependentTrials {
   double operator()(Stream& rng) const {
     const double shift = rng.uniform();
@@ -187,7 +187,9 @@ TEST_CASE("every way to 1 / E X is unbiased with an honest error on draws betwee
   // Power check: a majorant that cuts, and a survival that is off.
   const auto cut = [](Stream& rng) { return std::min(1.2, bounded(rng)); };
   CHECK_FALSE(unbiased(reciprocal_trials(cut, 1.5), 1));
-  const auto off = [e = ReciprocalProduct(bounded, 0.9, 0.3)](Stream& rng) { return 0.7 / 0.68 * e(rng).value; };
+  const auto off = [e = ReciprocalProduct(bounded, 0.9, 0.3)](Stream& rng) {
+    return 0.7 / 0.68 * e(rng).value;
+  };
   CHECK_FALSE(unbiased(off, 1));
 }
 
@@ -231,7 +233,8 @@ TEST_CASE("the product has the variance of its formula, and its best survival fr
   CHECK(z_of_variance(reciprocal_residual(bounded, 0.5, 1.5),
                       (1 / 2.25) / (1.0 / 3) / (1 - (1 - 2 / 1.5 + 13.0 / 12 / 2.25) / (2.0 / 3)) - 1) < 4.5);
   const Moments pilot = Moments::of(std::vector<double>{0.5, 1.5});  // E X = 1, E X^2 = 1.25
-  CHECK(reciprocal_product(bounded, 0.5, pilot).describe() == "reciprocal_product, w 0.500000, survival 0.559017");
+  CHECK(reciprocal_product(bounded, 0.5, pilot).describe() ==
+        "reciprocal_product, w 0.500000, survival 0.559017");
   CHECK_THROWS_WITH(reciprocal_product(bounded, 1.6, pilot), Catch::Contains("0.8"));
 }
 
@@ -240,13 +243,20 @@ TEST_CASE("a clamp that vanishes with the level telescopes and makes draws of ze
   // X = 0 or 2 with equal chance: the plain doubling is infinite in every second sample.
   const auto sometimes_zero = [](Stream& rng) { return rng.uniform() < 0.5 ? 0.0 : 2.0; };
   const auto clamped = clamped_reciprocal(sometimes_zero);
-  // All draws of level k zero: D_k is of the size 2^k, with probability 2^-2^(k-1); above level 6 nothing of it is left.
+  // All draws of level k zero: D_k is of the size 2^k, with probability 2^-2^(k-1); above level 6 nothing of
+  // it is left.
   CHECK(sequence_laws(clamped, {.first = 2, .last = 8, .samples = 8192, .rates = false}) == Failures{});
   CHECK(unbiased(single_term(clamped, Geometric(0.6), {.base_level = 2}), 1, 1 << 18));
-  const auto touching = clamped_reciprocal_of_integral(
-      [](double x) { return 4 * (1 + std::sin(2 * std::numbers::pi * x)); }, 1,
-      {.rates = {Rates::faster_than_any, 1}});
+  const auto touching =
+      clamped_reciprocal_of_integral([](double x) { return 4 * (1 + std::sin(2 * std::numbers::pi * x)); }, 1,
+                                     {.rates = {Rates::faster_than_any, 1}});
   CHECK(unbiased(single_term(touching, Geometric(0.6), {.base_level = 1}), 0.25));
+
+  // A draw that is not a number is not clamped away.
+  Stream rng(75, 0);
+  const auto broken = clamped_reciprocal([](Stream&) { return std::nan(""); });
+  CHECK(std::isnan(broken(0, rng).value));
+  CHECK(std::isnan(broken(2, rng).difference));
 
   // Power check: a clamp that does not telescope.
   struct NoTelescope {

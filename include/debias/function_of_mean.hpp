@@ -10,19 +10,23 @@
 // Equidistant points a + (b - a)(i + u) / 2^k, random offset u: 2^(-4k), f smooth    [Misso et al. 2022]
 // Declare other rates: {1, 1} where g has a kink at E X ({2, 1} on a comb), min(4(1 - s), (1 - s) / s) for
 // |x - c|^-s in f; a band-limited periodic f has no differences at all above its band. Fails where the mean
-// of a few draws can lie where g has no moments (1/x near 0): start at a base level above those.
+// of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a law divides by p_k.
 
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/accumulator.hpp>
+#include <debias/core/bias.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -44,7 +48,8 @@ concept OffersGap = FunctionOfMean<G, M> && requires(const G& g, const M& mean, 
 
 namespace detail {
 
-/// A function that changes with the level: at(level, m), and gap(level, m, d) with the coarse function in the halves.
+/// A function that changes with the level: at(level, m), and gap(level, m, d) with the coarse function in the
+/// halves.
 template <class G, class M>
 concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
   requires Value<std::remove_cvref_t<decltype(g.at(level, m))>>;
@@ -72,6 +77,7 @@ class Doubling {
 
  public:
   using value_type = decltype(detail::value_at(std::declval<const G&>(), 0, std::declval<const Mean&>()));
+  static constexpr bool has_gap = OffersGap<G, Mean> || detail::LevelFunction<G, Mean>;
 
   Rates rates;
 
@@ -115,6 +121,28 @@ class Doubling {
     });
     values = scaled(std::move(*values), 1 / static_cast<double>(doubled_draws(level - base_level)));
     return {static_cast<value_type>(std::move(*values)), difference(sums, level), work(level)};
+  }
+
+  /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
+  /// may be off by, and the least variance of a run: they stay as large while the probabilities of their
+  /// levels fall.
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires(!has_gap) {
+    if (levels.base().count == 0) return {};
+    const auto rms = [](const LevelSums& s) { return std::sqrt(s.square / static_cast<double>(s.count)); };
+    const double floor = 4 * std::numeric_limits<double>::epsilon() * rms(levels.base());
+    BiasBound bound;
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < levels.rows().size(); ++i) {
+      const LevelSums& row = levels.rows()[i];
+      if (row.count == 0 || !(row.square > 0) || !(rms(row) < floor)) continue;
+      if (first == 0) first = i;
+      bound.size += rms(row);
+    }
+    if (bound.size > 0) {
+      bound.sentence =
+          "from level " + std::to_string(first) + " on differences are rounding of g; give it a gap(m, d)";
+    }
+    return bound;
   }
 
  private:
@@ -184,6 +212,22 @@ class Doubling {
   G g_;
 };
 
+/// The least base level at which a g that grows like m^-pole towards m = 0 has the moments it needs, for X >=
+/// 0 with a density like x^(power - 1) there (power 1: positive at 0). The mean of n draws to the power -q is
+/// integrable for n power > q only; the lowest difference beyond base level m is made of halves of 2^m draws.
+/// The fourth moment is for standard errors to trust; 1/x needs base level 3 for it, 2 for a finite variance.
+/// Throws std::invalid_argument unless pole >= 0, and moments and power are positive and finite.
+inline std::int64_t base_level_for_pole(double pole, double moments = 4, double power = 1) {
+  if (!(pole >= 0 && moments > 0 && power > 0) || !std::isfinite(pole * moments / power)) {
+    throw std::invalid_argument("base_level_for_pole: pole = " + std::to_string(pole) + ", moments = " +
+                                std::to_string(moments) + ", power = " + std::to_string(power) +
+                                " (must be positive and finite; a pole of 0, a logarithm, needs nothing)");
+  }
+  std::int64_t level = 0;
+  while (static_cast<double>(doubled_draws(level)) * power <= pole * moments) ++level;
+  return level;
+}
+
 /// g(E X): `x(rng)` draws X, `g(mean)` is a Value. Declare `rates` where g has a kink or X heavy tails.
 template <RandomVariable X, class G>
 auto function_of_mean(X x, G g, const Rates& rates = {2, 1}) {
@@ -229,8 +273,8 @@ auto function_of_jittered_integral(F f, G g, const JitteredOptions& options = {}
   return Doubling<P, G>(std::move(points), std::move(g), options.rates);
 }
 
-/// The integral of f over [from, to] from one comb of `points` equidistant points with a random offset, as a random
-/// variable: what taylor.hpp multiplies.
+/// The integral of f over [from, to] from one comb of `points` equidistant points with a random offset, as a
+/// random variable: what taylor.hpp multiplies.
 template <class F>
 class CombMean {
  public:

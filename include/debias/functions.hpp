@@ -8,9 +8,9 @@
 // residue of 1e-17 that a law divides by the probability of its level. The forms here are off by a few ulp of
 // the gap (exponentials: |m| ulp) and exactly zero at d = 0. Nothing is checked and nothing clamped: outside
 // its domain a function is NaN or infinite and its gap NaN, and the run reports that.
-// expand(a) is the power series of g about a, for taylor.hpp; it throws std::invalid_argument where there is none.
-// Each takes one real number; componentwise(g) makes it a function of real arrays. A g of yours with a member
-// gap(m, d) is used in the same way.
+// expand(a) is the power series of g about a, for taylor.hpp; it throws std::invalid_argument where there is
+// none. Each takes one real number; componentwise(g) makes it a function of real arrays. A g of yours with a
+// member gap(m, d) is used in the same way.
 // Source: derived here from expm1, atanh and (a - b)(a + b); tested against 50 digits.
 
 #include <algorithm>
@@ -30,11 +30,12 @@ namespace debias::functions {
 
 namespace detail {
 [[noreturn]] inline void refuse_centre(const char* function, double a, const char* domain) {
-  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + std::to_string(a) + " (must " +
-                              domain + ")");
+  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + std::to_string(a) +
+                              " (must " + domain + ")");
 }
 inline void require_centre(bool holds, const char* function, double a, const char* domain) {
-  if (!holds || !std::isfinite(a)) [[unlikely]] refuse_centre(function, a, domain);
+  if (!holds || !std::isfinite(a)) [[unlikely]]
+    refuse_centre(function, a, domain);
 }
 }  // namespace detail
 
@@ -46,7 +47,8 @@ struct Exp {
     return -0.5 * std::exp(m + std::abs(d)) * fall * fall;
   }
   ExponentialSeries expand(double a) const {
-    detail::require_centre(std::abs(a) <= 700, "Exp", a, "lie in [-700, 700], where doubles hold its exponential");
+    detail::require_centre(std::abs(a) <= 700, "Exp", a,
+                           "lie in [-700, 700], where doubles hold its exponential");
     return {(*this)(a), 1, a};
   }
 };
@@ -56,7 +58,8 @@ struct ExpMinus {
   double operator()(double m) const { return std::exp(-m); }
   double gap(double m, double d) const { return Exp{}.gap(-m, d); }
   ExponentialSeries expand(double a) const {
-    detail::require_centre(std::abs(a) <= 700, "ExpMinus", a, "lie in [-700, 700], where doubles hold its exponential");
+    detail::require_centre(std::abs(a) <= 700, "ExpMinus", a,
+                           "lie in [-700, 700], where doubles hold its exponential");
     return {(*this)(a), -1, a};
   }
 };
@@ -229,7 +232,7 @@ struct Ratio {
   double gap(const M& m, const M& d) const {
     const double bottom = component(m, 1);
     const double bottom_d = component(d, 1);
-    const double top = component(d, 0) - (*this)(m) * bottom_d;
+    const double top = component(d, 0) - (*this)(m)*bottom_d;
     return top / (bottom + bottom_d) * (bottom_d / (bottom - bottom_d));
   }
 };

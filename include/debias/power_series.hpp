@@ -2,13 +2,15 @@
 
 // Power series of the functions of functions.hpp about a point a, coefficient by coefficient.
 //
-//   g(a + h) = sum_k C_k (h / scale)^k for |h| < radius;  the k-th call returns C_(k-1), each from the one before
+//   g(a + h) = sum_k C_k (h / scale)^k for |h| < radius;  the k-th call returns C_(k-1), each from the one
+// before
 //
-//   exponential  C_k = C_0 (+-scale)^k / k!           binomial  C_k = C_0 p (p - 1) ... (p - k + 1) / k!
-//   logarithm    C_k = -(-1)^k / k                    logistic  (k + 1) u_(k+1) = ([k = 0] - sum_j u_j u_(k-j)) / 2
+//   exponential  C_k = C_0 (+-scale)^k / k!   binomial  C_k = C_0 p (p - 1) ... (p - k + 1) / k!
+//   logarithm    C_k = -(-1)^k / k            logistic  (k + 1) u_(k+1) = ([k = 0] - sum_j u_j u_(k-j)) / 2
 //
-// The scales are such that no coefficient overflows: about a large a those of exp are Poisson masses. Logistic: u =
-// tanh(x / 2) = 2 g - 1 has poles at +-i pi, +-3 i pi, ...; beyond k = 63 the residues of the nearest ones are u_k.
+// The scales are such that no coefficient overflows: about a large a those of exp are Poisson masses.
+// Logistic: u = tanh(x / 2) = 2 g - 1 has poles at +-i pi, +-3 i pi, ...; beyond k = 63 the residues of the
+// nearest ones are u_k.
 
 #include <algorithm>
 #include <array>

@@ -2,18 +2,20 @@
 
 // 1 / E X, and 1 / (integral of f), by every published method; reciprocal(x) is the one to begin with.
 //
-//   name                 needs                one sample is                                  variance    work   sign
-//   reciprocal           X of one sign        1 / mean of 2^k draws, doubling                least       2^k    any
-//   clamped_reciprocal   X >= 0, zeros too    the same, means below 2^-(k+1) clamped         small       2^k    any
-//   reciprocal_series    0 <= X <= 2a, say    sum (1 - X/a)^k / a term by term               roulette's  1/s    any
-//   reciprocal_trials    0 <= X <= M          number of trials until u M < X, over M         (M/E X)^2   M/E X  +
-//   reciprocal_residual  m <= X <= M          prod (M - X_i) / (M - m) / m, K geometric      grows M/m   M/m    +
-//   reciprocal_product   w < 2 E X / E X^2    w prod (1 - w X_i) / P(K), P geometric         pilot's     1/wEX  any
+//   name                 needs               one sample is                               variance/I^2    work
+//   reciprocal           X of one sign       1 / mean of 2^k draws, doubling             least           2^k
+//   clamped_reciprocal   X >= 0, zeros too   the same, means below 2^-(k+1) clamped      small           2^k
+//   reciprocal_series    |X - a| < a, say    sum of (1 - X/a)^k / a, term by term        the law's       1/s
+//   reciprocal_trials    0 <= X <= M         trials until u M < X, over M; positive      1 - E X / M     M/E X
+//   reciprocal_residual  m <= X <= M         prod (M - X_i) / (M - m) / m; positive      (*), w = 1/M    M/m
+//   reciprocal_product   w < 2 E X / E X^2   w prod (1 - w X_i) / P(K), K geometric      (*)             1/(1-s)
+//   (*) w^2 (E X)^2 / ((1 - s)(1 - b/s)) - 1, b = E (1 - w X)^2, s = survival (1 - m/M for the residual)
 //
-// Doubling: D_k = -d^2 / (m (m - d) (m + d)), m = mean, d = half the difference of the halves. Where X has a positive
-// density at 0, the q-th moment of I_k is finite only for 2^k > q: start at base level 2 or 3. Where X is zero with
-// probability p, I_k is infinite with probability p^(2^k), unless it is clamped. Sources: Blanchet & Glynn, WSC 2015;
-// Misso et al. 2022 (combs, clamp); Booth 2007; Zeltner et al. 2020 (trials); Moka, Kroese & Juneja 2019 (product).
+// Doubling: D_k = -d^2 / (m (m - d) (m + d)), m = mean, d = half the difference of the halves. Where X has a
+// positive density at 0, the q-th moment of I_k is finite only for 2^k > q: start at base_level_for_pole(1).
+// Where X is zero with probability p, I_k is infinite with probability p^(2^k), unless it is clamped.
+// Sources: Blanchet & Glynn, WSC 2015; Misso et al. 2022 (combs, clamp); Booth 2007; Zeltner et al. 2020
+// (trials); Moka, Kroese & Juneja 2019 (product).
 
 #include <cmath>
 #include <cstdint>
@@ -50,8 +52,12 @@ auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
 struct ClampedReciprocal {
   double scale = 1;  ///< of the means: small against E X, so that the clamp is rarely met
 
-  double at(std::int64_t level, double m) const { return 1 / std::fmax(m, floor(level)); }
-  /// at(level, m) - (at(level - 1, m + d) + at(level - 1, m - d)) / 2; without cancellation where nothing is clamped.
+  double at(std::int64_t level, double m) const {
+    const double least = floor(level);
+    return 1 / (m < least ? least : m);  // a NaN gets through, as it would not through fmax
+  }
+  /// at(level, m) - (at(level - 1, m + d) + at(level - 1, m - d)) / 2, without cancellation if nothing is
+  /// clamped.
   double gap(std::int64_t level, double m, double d) const {
     if (m - std::abs(d) >= floor(level - 1)) return functions::Reciprocal{}.gap(m, d);
     return at(level, m) - 0.5 * (at(level - 1, m + d) + at(level - 1, m - d));
@@ -97,11 +103,14 @@ class ReciprocalTrials {
       const double x = x_(rng);
       if (!(x >= 0 && x <= majorant_)) refuse(x);
       if (rng.uniform() * majorant_ < x) {
-        return {static_cast<double>(trials) / majorant_, static_cast<double>(trials) * detail::work_of(x_), trials};
+        return {static_cast<double>(trials) / majorant_, static_cast<double>(trials) * detail::work_of(x_),
+                trials};
       }
     }
   }
-  [[nodiscard]] std::string describe() const { return "reciprocal_trials, majorant " + std::to_string(majorant_); }
+  [[nodiscard]] std::string describe() const {
+    return "reciprocal_trials, majorant " + std::to_string(majorant_);
+  }
 
  private:
   [[noreturn]] void refuse(double x) const {
@@ -119,14 +128,15 @@ ReciprocalTrials<X> reciprocal_trials(X x, double majorant) {
   return {std::move(x), majorant};
 }
 
-/// w prod_(i <= K) (1 - w X_i) / P(K), P(K = k) = (1 - s) s^k: one term of the series about 1 / w, drawn geometrically.
+/// w prod_(i <= K) (1 - w X_i) / P(K), P(K = k) = (1 - s) s^k: one term of the series about 1 / w.
 template <RandomVariable X>
 class ReciprocalProduct {
  public:
   /// Throws std::invalid_argument unless w != 0 is finite and survival lies in (0, 1).
   ReciprocalProduct(X x, double w, double survival) : x_(std::move(x)), w_(w), survival_(survival) {
     if (w == 0 || !std::isfinite(w)) {
-      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (must be finite and not 0)");
+      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) +
+                                  " (must be finite and not 0)");
     }
     if (!(survival > 0 && survival < 1)) {
       throw std::invalid_argument("reciprocal_product: survival = " + std::to_string(survival) +
@@ -165,14 +175,15 @@ ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
   return {std::move(x), w, std::sqrt(b > 0 ? b : 1e-3)};
 }
 
-/// 1 / E X from bounds minimum <= X <= majorant: the product with w = 1 / majorant and survival 1 - minimum / majorant,
-/// every factor in [0, 1]. A minimum above that of X stays unbiased while E (M - X)^2 < M (M - minimum).
-/// Throws std::invalid_argument unless 0 < minimum < majorant.
+/// 1 / E X from bounds m <= X <= M, 0 < m < M: the product with w = 1 / M and survival 1 - m / M, whose
+/// factors lie in [0, 1]. An m above the minimum of X stays unbiased, of finite variance while E (M - X)^2 <
+/// M (M - m). Throws std::invalid_argument unless 0 < minimum < majorant.
 template <RandomVariable X>
 ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
   if (!(minimum > 0 && minimum < majorant)) {
-    throw std::invalid_argument("reciprocal_residual: minimum = " + std::to_string(minimum) + ", majorant = " +
-                                std::to_string(majorant) + " (must be 0 < minimum < majorant); without a positive "
+    throw std::invalid_argument("reciprocal_residual: minimum = " + std::to_string(minimum) +
+                                ", majorant = " + std::to_string(majorant) +
+                                " (must be 0 < minimum < majorant); without a positive "
                                 "minimum take reciprocal_trials");
   }
   return {std::move(x), 1 / majorant, 1 - minimum / majorant};

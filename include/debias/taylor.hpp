@@ -1,7 +1,8 @@
 #pragma once
 
-// g(E X) by the power series of g about a point: the terms in order for any estimator (taylor), or all draws of a
-// sample averaged (taylor_sum). For a function that is not in functions.hpp: taylor/autodiff.hpp, not included here.
+// g(E X) by the power series of g about a point: the terms in order for any estimator (taylor), or all draws
+// of a sample averaged (taylor_sum). For a function that is not in functions.hpp: taylor/autodiff.hpp, not
+// included here.
 //
 //   exp(-tau), a majorant a of X, E X = tau      with t = taylor(x, functions::ExpMinus{}, a)
 //     ratio tracking            single_term(t, Poisson(a), {.base = Base::drawn})

@@ -1,6 +1,7 @@
 #pragma once
 
-// The published estimators of exp(-integral of f over [0, 1]) for 0 <= f <= majorant, as special methods.
+// The published estimators of exp(-integral of f over [0, 1]) for 0 <= f <= majorant, as special methods; and
+// those that other functions of an integral share with it.
 
 #include <algorithm>
 #include <cmath>
@@ -28,7 +29,8 @@ inline std::int64_t prefix_of_p_series(double majorant) {
   return k;
 }
 
-/// Points of the combs of Kettunen et al. 2021: as many look-ups as a p-series has terms, over the expected draws.
+/// Points of the combs of Kettunen et al. 2021: as many look-ups as a p-series has terms, over the expected
+/// draws.
 inline std::int64_t comb_of_u_statistics(double majorant, const BhanotKennedy& order) {
   const double terms = std::ceil(std::cbrt((0.015 + majorant) * (0.65 + majorant) * (60.3 + majorant)));
   return std::max<std::int64_t>(1, static_cast<std::int64_t>(terms / (order.mean() + 1) + 0.5));
@@ -48,6 +50,28 @@ double kurtosis_of_ratio_tracking(const F& f, double majorant) {
   return std::exp(-majorant + majorant * fourth - 2 * (-majorant + majorant * second));
 }
 
+template <class F, class G>
+void add_jittered(Problem& p, const F& f, const G& g, std::int64_t base_level,
+                  const Rates& rates = JitteredOptions{}.rates) {
+  add(p, {.name = "jittered", .description = "single_term on jittered points in place of a comb"},
+      single_term(function_of_jittered_integral(f, g, {.rates = rates}), {.base_level = base_level}));
+}
+
+template <class F, class G, Pmf P>
+void add_u_statistics(Problem& p, const F& f, const G& g, std::int64_t points, const P& order) {
+  add(p,
+      {.name = "u_statistics",
+       .description = "symmetric products of combs about each of them (pivoted series)"},
+      taylor_sum(comb_mean(f, points), g, drawn_pivot, order));
+}
+
+template <TermSequence S>
+void add_p_series_cumulative(Problem& p, const S& series, double first_term) {
+  add(p,
+      {.name = "p_series_cumulative", .description = "the power series with roulette on the running weight"},
+      roulette(series, RunningWeight(first_term)));
+}
+
 /// Ratio tracking, both p-series, pivoted U-statistics, and jittered points from `base_level` on.
 template <class F>
 void add_exponential_methods(Problem& p, const F& f, double majorant, const Rates& jittered,
@@ -61,20 +85,13 @@ void add_exponential_methods(Problem& p, const F& f, double majorant, const Rate
        .kurtosis = kurtosis_of_ratio_tracking(f, majorant),
        .reason = "E Z^q = exp(-a + a E (1 - X/a)^q) gives"},
       single_term(series, Poisson(majorant), {.base = Base::drawn}));
-  add(p,
-      {.name = "p_series_cumulative", .description = "the power series with roulette on the running weight"},
-      roulette(series, RunningWeight(std::exp(-majorant))));
+  add_p_series_cumulative(p, series, std::exp(-majorant));
   add(p,
       {.name = "p_series_cmf", .description = "the power series, terms to the 99 % quantile, then roulette"},
       roulette(series, IndexRoulette(majorant), {.base_level = prefix_of_p_series(majorant)}));
   const BhanotKennedy order(0.9, 2, 2);
-  add(p,
-      {.name = "u_statistics",
-       .description = "symmetric products of combs about each of them (pivoted series)"},
-      taylor_sum(comb_mean(f, comb_of_u_statistics(majorant, order)), g, drawn_pivot, order));
-  add(p, {.name = "jittered", .description = "single_term on jittered points in place of a comb"},
-      single_term(function_of_jittered_integral(f, g, {.rates = jittered}),
-                  Geometric::with_exponent(default_exponent(jittered)), {.base_level = base_level}));
+  add_u_statistics(p, f, g, comb_of_u_statistics(majorant, order), order);
+  add_jittered(p, f, g, base_level, jittered);
 }
 
 }  // namespace debias::catalog

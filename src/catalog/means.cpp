@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <numbers>
 #include <span>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include <debias/estimators/single_term.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
+#include <debias/pmf/bhanot_kennedy.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/reciprocal.hpp>
@@ -26,16 +28,51 @@
 namespace debias::catalog {
 namespace {
 
-// The power series of g about the centre E X^2 / E X (E X for exp), with roulette and with symmetric products. The
-// survival 1 - r of the law lies above the cube root of E ((X - a) / R)^4, so that fourth moments are finite.
+// What is known of the kurtosis of a sample.
+struct Kurtosis {
+  double value = 0;
+  std::string reason = {};
+};
+
+// The power series of g about a centre, weighted and averaged in every way. `law` is that of the order,
+// `reference` the size to which roulette on the running weight reduces terms.
+template <RandomVariable X, Expandable G, class C, Pmf P>
+void add_series(Problem& p, const X& x, const G& g, const C& centre, const P& law, double reference,
+                const Kurtosis& known = {}) {
+  const auto series = taylor(x, g, centre);
+  const auto special = [&known](const char* name, const char* description) {
+    return Special{name, description, known.value, known.reason};
+  };
+  add(p, special("taylor_single_term", "one term of the power series about a centre"),
+      single_term(series, law, {.base = Base::drawn}));
+  add(p, special("taylor", "the power series about a centre, with roulette"), roulette(series, law));
+  add(p, special("taylor_prefix", "the power series, terms to the third, then roulette"),
+      roulette(series, law, {.base_level = 3}));
+  add(p, special("taylor_running_weight", "the power series with roulette on the running weight"),
+      roulette(series, RunningWeight(reference)));
+  add(p, special("taylor_cyclic", "the power series about a centre, with cyclic products"),
+      taylor_sum(x, g, centre, law, {.products = Products::cyclic}));
+  add(p, special("taylor_symmetric", "the power series about a centre, with symmetric products"),
+      taylor_sum(x, g, centre, law));
+}
+
+// About the best centre for these moments of X. The survival 1 - r of the law lies above the cube root of
+// E ((X - a) / R)^4, so that fourth moments are finite.
 template <RandomVariable X, Expandable G>
-void add_series(Problem& p, const X& x, const G& g, double mean, double square, double r) {
+void add_series(Problem& p, const X& x, const G& g, double mean, double square, double r,
+                double reference = 0.5) {
   const Moments exact{.count = 1 << 20, .mean = mean, .m2 = (square - mean * mean) * (1 << 20)};
-  const Centre c = centre(g, exact);
-  add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
-      roulette(taylor(x, g, c), Geometric(r)));
-  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
-      taylor_sum(x, g, c, Geometric(r)));
+  add_series(p, x, g, centre(g, exact), Geometric(r), reference);
+}
+
+// E A / E B of X = (A, B), from one draw of A and an estimate of 1 / E B that is independent of it.
+template <RandomVariable X, Estimator R>
+auto ratio_by(const X& x, const R& reciprocal_of_second) {
+  return [x, reciprocal_of_second](Stream& rng) {
+    const double top = x(rng)[0];
+    const Sample<double> s = reciprocal_of_second(rng);
+    return Sample<double>{top * s.value, 1 + s.work, s.level};
+  };
 }
 
 // f(x_1, ..., x_n) of 2^k draws for each of `per`; the coarse partner is the mean over the two halves.
@@ -63,32 +100,36 @@ struct FunctionOfSample {
 Problem exp_of_mean() {
   const auto x = [](Stream& rng) { return 2 * rng.uniform(); };
   Problem p = make({.id = "A01",
-               .name = "exp-of-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 0.3678794411714423215955,
-               .formula = "exp(-E X), X ~ U(0, 2): 1/e"},
-              function_of_mean(x, functions::ExpMinus{}));
-  add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
-      roulette(taylor(x, functions::ExpMinus{}, centre_between(0, 2)), Poisson(2)));
-  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
-      taylor_sum(x, functions::ExpMinus{}, centre_between(0, 2), Poisson(2)));
+                    .name = "exp-of-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.3678794411714423215955,
+                    .formula = "exp(-E X), X ~ U(0, 2): 1/e"},
+                   function_of_mean(x, functions::ExpMinus{}));
+  add_series(p, x, functions::ExpMinus{}, centre_between(0, 2), Poisson(2), std::exp(-1));
+  add(p,
+      {.name = "u_statistics",
+       .description = "symmetric products of combs about each of them (pivoted series)"},
+      taylor_sum(x, functions::ExpMinus{}, drawn_pivot, BhanotKennedy(0.5, 2, 2)));
   return p;
 }
 
 Problem reciprocal_of_mean() {
   const auto x = [](Stream& rng) { return 0.5 + rng.uniform(); };
   Problem p = make({.id = "A03",
-               .name = "reciprocal-of-mean",
-               .module = "reciprocal.hpp",
-               .truth = 1,
-               .formula = "1 / E X, X ~ U(1/2, 3/2): 1"},
-              reciprocal(x));
+                    .name = "reciprocal-of-mean",
+                    .module = "reciprocal.hpp",
+                    .truth = 1,
+                    .formula = "1 / E X, X ~ U(1/2, 3/2): 1"},
+                   reciprocal(x));
   add_series(p, x, functions::Reciprocal{}, 1, 13.0 / 12, 0.5);
   add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
       reciprocal_trials(x, 1.5));
-  add(p, {.name = "reciprocal_residual", .description = "one term of the geometric series, by bounds from both sides"},
+  add(p,
+      {.name = "reciprocal_residual",
+       .description = "one term of the geometric series, by bounds from both sides"},
       reciprocal_residual(x, 0.5, 1.5));
-  add(p, {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
+  add(p,
+      {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
       ReciprocalProduct(x, 0.9, 0.4));
   add(p, {.name = "clamped", .description = "single_term with a clamp that vanishes with the level"},
       single_term(clamped_reciprocal(x)));
@@ -98,21 +139,15 @@ Problem reciprocal_of_mean() {
 Problem log_of_mean() {
   const auto x = [](Stream& rng) { return std::exp(rng.normal()); };
   Problem p = make({.id = "A06",
-               .name = "log-of-lognormal-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 0.5,
-               .formula = "log E X, X lognormal(0, 1): 1/2"},
-              function_of_mean(x, functions::Log{}));
-  const double infinite = std::numeric_limits<double>::infinity();
-  const std::string reason = "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any law";
-  const functions::Log g;
-  const double a = std::exp(1.5);
-  add(p, {.name = "taylor", .description = "the power series about a centre, with roulette",
-          .kurtosis = infinite, .reason = reason},
-      roulette(taylor(x, g, a), Geometric(0.25)));
-  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products",
-          .kurtosis = infinite, .reason = reason},
-      taylor_sum(x, g, a, Geometric(0.25)));
+                    .name = "log-of-lognormal-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.5,
+                    .formula = "log E X, X lognormal(0, 1): 1/2"},
+                   function_of_mean(x, functions::Log{}));
+  const Kurtosis infinite{
+      std::numeric_limits<double>::infinity(),
+      "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any law"};
+  add_series(p, x, functions::Log{}, std::exp(1.5), Geometric(0.25), 0.5, infinite);
   return p;
 }
 
@@ -122,25 +157,26 @@ Problem sqrt_of_mean() {
     return u * u;
   };
   Problem p = make({.id = "A07",
-               .name = "sqrt-of-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 0.5773502691896257645091,
-               .formula = "sqrt(E U^2), U ~ U(0, 1): 1/sqrt 3"},
-              function_of_mean(x, functions::Sqrt{}));
+                    .name = "sqrt-of-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.5773502691896257645091,
+                    .formula = "sqrt(E U^2), U ~ U(0, 1): 1/sqrt 3"},
+                   function_of_mean(x, functions::Sqrt{}));
   add_series(p, x, functions::Sqrt{}, 1.0 / 3, 0.2, 0.2);
   return p;
 }
 
 Problem power_of_mean() {
-  // The mean of n uniforms to the power -q is integrable for n > q only: fourth moments need halves of 8 draws.
+  // The mean of n uniforms to the power -q is integrable for n > q only: fourth moments need halves of 8
+  // draws.
   const auto x = [](Stream& rng) { return rng.uniform(); };
   Problem p = make({.id = "A08",
-               .name = "power-of-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 2.828427124746190097603,
-               .formula = "(E X)^(-3/2), X ~ U(0, 1): 2^(3/2)",
-               .lowest_base = 3},
-              function_of_mean(x, functions::Power{-1.5}));
+                    .name = "power-of-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 2.828427124746190097603,
+                    .formula = "(E X)^(-3/2), X ~ U(0, 1): 2^(3/2)",
+                    .lowest_base = base_level_for_pole(1.5)},
+                   function_of_mean(x, functions::Power{-1.5}));
   add_series(p, x, functions::Power{-1.5}, 0.5, 1.0 / 3, 0.4);
   return p;
 }
@@ -151,25 +187,34 @@ Problem ratio_of_means() {
     const double weight = std::exp(u);
     return Eigen::Array2d(u * weight, weight);
   };
-  return make({.id = "A09",
-               .name = "ratio-of-means",
-               .module = "function_of_mean.hpp",
-               .truth = 0.5819767068693264243850,
-               .formula = "E[U e^U] / E[e^U], U ~ U(0, 1): 1 / (e - 1)"},
-              function_of_mean(x, functions::Ratio{}));
+  Problem p = make({.id = "A09",
+                    .name = "ratio-of-means",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.5819767068693264243850,
+                    .formula = "E[U e^U] / E[e^U], U ~ U(0, 1): 1 / (e - 1)"},
+                   function_of_mean(x, functions::Ratio{}));
+  const auto weight = [x](Stream& rng) { return x(rng)[1]; };
+  add(p,
+      {.name = "reciprocal_residual",
+       .description = "one term of the geometric series, by bounds from both sides"},
+      ratio_by(x, reciprocal_residual(weight, 1, std::numbers::e)));
+  add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
+      ratio_by(x, reciprocal_trials(weight, std::numbers::e)));
+  return p;
 }
 
 Problem square_of_mean() {
   const auto x = [](Stream& rng) { return rng.exponential(); };
   Problem p = make({.id = "A10",
-               .name = "square-of-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 1,
-               .formula = "(E X)^2, X ~ Exp(1): 1"},
-              function_of_mean(x, functions::Square{}));
+                    .name = "square-of-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 1,
+                    .formula = "(E X)^2, X ~ Exp(1): 1"},
+                   function_of_mean(x, functions::Square{}));
   add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
       roulette(taylor(x, functions::Square{}, 1.0), Geometric(0.5), {.base_level = 2}));
-  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
+  add(p,
+      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
       taylor_sum(x, functions::Square{}, 1.0, Geometric(0.5), {.base_level = 2}));
   return p;
 }
@@ -180,23 +225,24 @@ Problem log_evidence() {
     return std::exp(-residual * residual / 2);
   };
   Problem p = make({.id = "A12",
-               .name = "log-evidence",
-               .module = "function_of_mean.hpp",
-               .truth = -0.5965735902799726547086,
-               .formula = "log E exp(-(1 - t)^2 / 2), t ~ N(0, 1): -(ln 2)/2 - 1/4"},
-              function_of_mean(likelihood, functions::Log{}));
-  add_series(p, likelihood, functions::Log{}, std::exp(-0.5965735902799726547086), std::exp(-1.0 / 3) / std::sqrt(3.0), 0.4);
+                    .name = "log-evidence",
+                    .module = "function_of_mean.hpp",
+                    .truth = -0.5965735902799726547086,
+                    .formula = "log E exp(-(1 - t)^2 / 2), t ~ N(0, 1): -(ln 2)/2 - 1/4"},
+                   function_of_mean(likelihood, functions::Log{}));
+  add_series(p, likelihood, functions::Log{}, std::exp(-0.5965735902799726547086),
+             std::exp(-1.0 / 3) / std::sqrt(3.0), 0.4);
   return p;
 }
 
 Problem logistic_of_mean() {
   const auto x = [](Stream& rng) { return 0.5 + rng.normal(); };
   Problem p = make({.id = "A13",
-               .name = "logistic-of-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 0.6224593312018545646389,
-               .formula = "logistic(E X), X ~ N(1/2, 1): 1 / (1 + exp(-1/2))"},
-              function_of_mean(x, functions::Logistic{}));
+                    .name = "logistic-of-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.6224593312018545646389,
+                    .formula = "logistic(E X), X ~ N(1/2, 1): 1 / (1 + exp(-1/2))"},
+                   function_of_mean(x, functions::Logistic{}));
   add_series(p, x, functions::Logistic{}, 0.5, 1.25, 0.55);
   return p;
 }
@@ -204,11 +250,11 @@ Problem logistic_of_mean() {
 Problem log_cosh() {
   const auto x = [](Stream& rng) { return rng.uniform() < 0.5 ? std::exp(1.0) : std::exp(-1.0); };
   Problem p = make({.id = "A26",
-               .name = "log-cosh",
-               .module = "function_of_mean.hpp",
-               .truth = 0.4337808304830271870265,
-               .formula = "log E e^X, X = +-1 with equal chance: ln cosh 1"},
-              function_of_mean(x, functions::Log{}));
+                    .name = "log-cosh",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.4337808304830271870265,
+                    .formula = "log E e^X, X = +-1 with equal chance: ln cosh 1"},
+                   function_of_mean(x, functions::Log{}));
   add_series(p, x, functions::Log{}, std::cosh(1.0), std::cosh(2.0), 0.3);
   return p;
 }
@@ -219,13 +265,46 @@ Problem posterior_mean() {
     const double weight = std::exp(-(1 - theta) * (1 - theta) / 2);
     return Eigen::Array2d(theta * weight, weight);
   };
-  return make({.id = "A11",
-               .name = "posterior-mean",
-               .module = "function_of_mean.hpp",
-               .truth = 0.5,
-               .formula = "E[t w] / E[w], t ~ N(0, 1), w = exp(-(1 - t)^2 / 2): 1/2"},
-              function_of_mean(x, functions::Ratio{}));
+  Problem p = make({.id = "A11",
+                    .name = "posterior-mean",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.5,
+                    .formula = "E[t w] / E[w], t ~ N(0, 1), w = exp(-(1 - t)^2 / 2): 1/2"},
+                   function_of_mean(x, functions::Ratio{}));
+  const auto weight = [x](Stream& rng) { return x(rng)[1]; };
+  add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
+      ratio_by(x, reciprocal_trials(weight, 1)));
+  add(p,
+      {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
+      ratio_by(x, ReciprocalProduct(weight, 4.0 / 3, 0.65)));
+  return p;
 }
+
+namespace {
+
+// -x log x about a: -a log a, -(1 + log a), then -(-1)^k a / (k (k - 1)), in the scale a.
+class MinusXLogXSeries {
+ public:
+  explicit MinusXLogXSeries(double a) : scale(a), radius(a) {}
+  double operator()() {
+    const double k = k_++;
+    if (k == 0) return -scale * std::log(scale);
+    if (k == 1) return -scale * (1 + std::log(scale));
+    sign_ = -sign_;
+    return sign_ * scale / (k * (k - 1));
+  }
+  double scale;
+  double radius;
+
+ private:
+  double sign_ = 1;
+  double k_ = 0;
+};
+struct MinusXLogX {
+  MinusXLogXSeries expand(double a) const { return MinusXLogXSeries(a); }
+};
+
+}  // namespace
 
 Problem entropy() {
   const auto x = [](Stream& rng) {
@@ -237,12 +316,22 @@ Problem entropy() {
     for (const double q : p) sum -= q > 0 ? q * std::log(q) : 0.0;
     return sum;
   };
-  return make({.id = "A18",
-               .name = "entropy",
-               .module = "function_of_mean.hpp",
-               .truth = 1.029653014064573527416,
-               .formula = "entropy of (0.5, 0.3, 0.2) from counts, 0 log 0 = 0"},
-              function_of_mean(x, g));
+  Problem p = make({.id = "A18",
+                    .name = "entropy",
+                    .module = "function_of_mean.hpp",
+                    .truth = 1.029653014064573527416,
+                    .formula = "entropy of (0.5, 0.3, 0.2) from counts, 0 log 0 = 0"},
+                   function_of_mean(x, g));
+  // Term by term about 1 = E X^2 / E X; the rarest outcome leaves b = E (1 - X)^2 = 0.8.
+  const auto series = taylor_sum(x, MinusXLogX{}, 1.0, Geometric(0.06));
+  add(p,
+      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
+      [series](Stream& rng) {
+        NullRecord none;
+        const auto s = series(rng, none);
+        return Sample<double>{s.value.sum(), s.work, s.level};
+      });
+  return p;
 }
 
 Problem median() {
@@ -263,8 +352,8 @@ Problem median() {
 }
 
 Problem newsvendor() {
-  // The least mean cost of a stock q against the demands drawn: 1 for each unit left, 3 for each one missed. It is
-  // attained at the order statistic 3/4.
+  // The least mean cost of a stock q against the demands drawn: 1 for each unit left, 3 for each one missed.
+  // It is attained at the order statistic 3/4.
   const auto x = [](Stream& rng) { return rng.exponential(); };
   const auto f = [](std::span<const double> demands) {
     std::vector<double> sorted(demands.begin(), demands.end());

@@ -1,4 +1,5 @@
-// exp(-tau) through a sinusoid with a non-integer number of periods, a step and a linear medium, tau = 1, 4, 16.
+// exp(-tau) through a sinusoid with a non-integer number of periods, a step and a linear medium, tau = 1, 4,
+// 16.
 
 #include <cmath>
 #include <numbers>

@@ -63,7 +63,8 @@ class Roulette {
       term = cursor();
       const std::int64_t level = base_level_ + j;
       record.difference(level, as_scalar(term.value), term.work);
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
+      sample.value = sum(std::move(sample.value),
+                         scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
@@ -89,16 +90,16 @@ Roulette<S, P> roulette(S terms, P law, const RouletteOptions& options = {}) {
 /// The same with the law that the declared rates of the terms ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <TermSequence S>
-  requires DeclaresRates<S>
-Roulette<S, Geometric> roulette(S terms, const RouletteOptions& options = {}) {
+requires DeclaresRates<S> Roulette<S, Geometric> roulette(S terms, const RouletteOptions& options = {}) {
   const Rates rates = terms.rates;
   return {std::move(terms), detail::default_law(rates), options};
 }
 
 // ---- policies: one decision a term
 
-/// `policy(level)`, before the term of a level is drawn, or `policy(level, size)`, after it, with its absolute value
-/// over the probability so far: the probability to keep the term, above 0 wherever it or a later one is not zero.
+/// `policy(level)`, before the term of a level is drawn, or `policy(level, size)`, after it, with its
+/// absolute value over the probability so far: the probability to keep the term, above 0 wherever it or a
+/// later one is not zero.
 template <class C>
 concept EarlyPolicy = requires(const C& c, std::int64_t level) {
   { c(level) } -> std::same_as<double>;
@@ -123,9 +124,10 @@ struct IndexRoulette {
   [[nodiscard]] std::string spec() const { return "index:c=" + std::to_string(c); }
 };
 
-/// Keeps a term with probability min(1, size / reference) ("cumulative"): kept ones have at least the size of the
-/// reference, which is best that of the first term. For terms that are products: a zero ends the sum, so that all
-/// later ones must be zero too.
+/// Keeps a term with probability min(1, size / reference) ("cumulative"): kept ones have at least the size of
+/// the reference, which is best that of the first term. At a term of zero it goes on in half of the cases,
+/// unless the cursor says that nothing can follow (`ended()`): a coefficient may be zero and the next one
+/// not.
 struct RunningWeight {
   double reference;
 
@@ -135,11 +137,14 @@ struct RunningWeight {
     throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference) +
                                 " (must be positive and finite: the size of the first term, say)");
   }
-  double operator()(std::int64_t /*level*/, double size) const { return std::min(1.0, size / reference); }
+  double operator()(std::int64_t /*level*/, double size) const {
+    return size > 0 ? std::min(1.0, size / reference) : 0.5;
+  }
   [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference); }
 };
 
-/// Z = sum_(k <= m) T_k + sum_(k > m) T_k / (P_(m+1) ... P_k) while the policy keeps the terms, P_k its probabilities.
+/// Z = sum_(k <= m) T_k + sum_(k > m) T_k / (P_(m+1) ... P_k) while the policy keeps the terms, P_k its
+/// probabilities.
 template <TermSequence S, RoulettePolicy C>
 class PolicyRoulette {
  public:
@@ -175,8 +180,14 @@ class PolicyRoulette {
       sample.level = level;
       sample.work += term.work;
       if constexpr (LatePolicy<C>) {
+        if constexpr (requires {
+                        { cursor.ended() } -> std::same_as<bool>;
+                      }) {
+          if (size == 0 && cursor.ended()) return sample;
+        }
         // What is not finite must reach the mean, and has no probability.
-        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
+        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight))
+          return sample;
       }
       sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
@@ -185,7 +196,10 @@ class PolicyRoulette {
 
   [[nodiscard]] std::string describe() const {
     std::string name = "user-defined policy";
-    if constexpr (requires { { policy_.spec() } -> std::same_as<std::string>; }) name = policy_.spec();
+    if constexpr (requires {
+                    { policy_.spec() } -> std::same_as<std::string>;
+                  })
+      name = policy_.spec();
     return "roulette, " + name + ", base level " + std::to_string(base_level_);
   }
 

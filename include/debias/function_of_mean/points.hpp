@@ -1,14 +1,16 @@
 #pragma once
 
-// Where the doubling of function_of_mean.hpp takes its numbers from: independent draws, combs, jittered points.
+// Where the doubling of function_of_mean.hpp takes its numbers from: independent draws, combs, jittered
+// points.
 //
 //   comb      a + (b - a) (i + u) / 2^k, one random offset u: the error of a mean falls like 2^-k (bent f)
 //   jittered  a + (b - a) (i + u_i) / 2^k, an offset for each part: like 2^(-1.5 k)
 //
-// The 2^k points of a level come in 2^(k-m) groups of 2^m. Each group alone, all even groups together and all odd
-// ones together are distributed like the points of their own level: means of groups are unbiased for it.
-// Batch hooks (BatchedVariable, BatchedIntegrand) make many numbers at once from the very same random numbers.
-// Sources: Misso et al., ACM TOG 41(4), 2022 (combs); Owen 1995 (nested scrambling, for the groups of jittered ones).
+// The 2^k points of a level come in 2^(k-m) groups of 2^m. Each group alone, all even groups together and all
+// odd ones together are distributed like the points of their own level: means of groups are unbiased for it.
+// Batch hooks (BatchedVariable, BatchedIntegrand) make many numbers at once from the very same random
+// numbers. Sources: Misso et al., ACM TOG 41(4), 2022 (combs); Owen 1995 (nested scrambling, for the groups
+// of jittered ones).
 
 #include <algorithm>
 #include <array>
@@ -45,8 +47,8 @@ inline std::int64_t doubled_draws(std::int64_t level) {
   return std::int64_t{1} << level;
 }
 
-/// A random variable with a batch hook: `x.draws(rng, out)` makes out.size() draws from the very random numbers
-/// of as many calls x(rng), equal to rounding.
+/// A random variable with a batch hook: `x.draws(rng, out)` makes out.size() draws from the very random
+/// numbers of as many calls x(rng), equal to rounding.
 template <class X>
 concept BatchedVariable = RandomVariable<X> && requires(const X& x, Stream& rng, std::span<double> out) {
   x.draws(rng, out);
@@ -60,9 +62,9 @@ concept BatchedIntegrand = requires(const F& f, std::span<const double> at, std:
 
 namespace detail {
 
-/// `points(level, group_level, rng)` begins one draw of a level and returns a callable that yields the sums of
-/// its groups of 2^group_level points, one after the other. Besides: `scale`, by which means are multiplied, and
-/// `extra_work`, what a draw costs beside its points.
+/// `points(level, group_level, rng)` begins one draw of a level and returns a callable that yields the sums
+/// of its groups of 2^group_level points, one after the other. Besides: `scale`, by which means are
+/// multiplied, and `extra_work`, what a draw costs beside its points.
 template <class P>
 concept Points = requires(const P& p, std::int64_t level, Stream& rng) {
   requires Value<std::remove_cvref_t<decltype(p.points(level, level, rng)())>>;
@@ -95,11 +97,13 @@ struct EvenOdd {
   [[nodiscard]] double odd() const { return (lanes[1] + lanes[3]) + (lanes[5] + lanes[7]); }
 };
 
-/// Numbers made in blocks: `fill(out)` makes the next out.size() of `count`. Each call sums the next `size` of them.
+/// Numbers made in blocks: `fill(out)` makes the next out.size() of `count`. Each call sums the next `size`
+/// of them.
 template <class Fill>
 class Blocks {
  public:
-  Blocks(Fill fill, std::int64_t count, std::int64_t size) : fill_(std::move(fill)), left_(count), size_(size) {}
+  Blocks(Fill fill, std::int64_t count, std::int64_t size)
+      : fill_(std::move(fill)), left_(count), size_(size) {}
 
   double operator()() {
     if (size_ == 1) return take(1).front();
@@ -158,8 +162,8 @@ struct IndependentPoints {
   }
 };
 
-/// f at positions in units of the interval's 2^level parts, which `Positions(level, group_level, rng)` gives group
-/// by group: next_group() returns a callable of the positions in a group.
+/// f at positions in units of the interval's 2^level parts, which `Positions(level, group_level, rng)` gives
+/// group by group: next_group() returns a callable of the positions in a group.
 template <class F, class Positions>
 struct IntervalPoints {
   F f;
@@ -239,8 +243,9 @@ class CombPositions {
   std::int64_t group_ = 0;
 };
 
-/// A uniform point in each part. Group r takes one part out of each of the 2^group_level coarse ones, uniformly and
-/// independently, and of each pair of neighbouring parts one belongs to an even group and one to an odd one.
+/// A uniform point in each part. Group r takes one part out of each of the 2^group_level coarse ones,
+/// uniformly and independently, and of each pair of neighbouring parts one belongs to an even group and one
+/// to an odd one.
 class JitteredPositions {
  public:
   JitteredPositions(std::int64_t level, std::int64_t group_level, Stream& rng)

@@ -5,8 +5,8 @@
 //   c_k = g^(k)(a) / k!, k = 0 ... order, by Boost.Math's forward mode                [Boost.Math, autodiff]
 //
 // `g` is a generic callable (`[](const auto& x) { return log(x) * x; }`) that finds log and the like by
-// argument-dependent lookup. The radius of convergence is estimated by the root test, 1 / |c_k|^(1/k) over the
-// upper half of the orders: good enough to refuse a hopeless centre, no proof of a good one.
+// argument-dependent lookup. The radius of convergence is estimated by the root test, 1 / |c_k|^(1/k) over
+// the upper half of the orders: good enough to refuse a hopeless centre, no proof of a good one.
 // Fails beyond `order`: a law that gets there stops the run (std::length_error), since a cut would be a bias.
 // Not part of debias.hpp: it needs Boost.Math and compiles for seconds.
 

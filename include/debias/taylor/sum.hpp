@@ -3,12 +3,14 @@
 // g(E X) by its power series, with products of k factors averaged over all draws of a sample.
 //
 //   Z = sum_(k <= N) c_k A_k / P(N' >= k),  A_k = average of products of k of the N factors (X_i - a)
-//     simple: the first k;  cyclic: the N blocks of k neighbours on a ring        [Chopin, Crucinio & Singh 2024]
+//     simple: the first k;  cyclic: the N blocks of k neighbours on a ring    [Chopin, Crucinio & Singh 2024]
 //     symmetric: all subsets of k (U-statistics), by a recursion in O(N^2)         [Kettunen et al. 2021]
 //   drawn_pivot: of N + 1 draws each is in turn the centre a for the others        [Kettunen et al. 2021]
 //
-// Work and conditions are those of taylor/terms.hpp: averaging quiets the noise, but at k = N there is one product
-// only. O(N^2) arithmetic a sample, O(N^3) with a drawn pivot: for small orders and draws that cost something.
+// Work and conditions are those of taylor/terms.hpp: averaging quiets the noise, but at k = N there is one
+// product only. A drawn pivot is not checked: where the radius of g is finite (Davis, 1/x) the terms fall
+// like a power only, and BhanotKennedy or Poisson orders have infinite variance; take Geometric there.
+// O(N^2) arithmetic a sample, O(N^3) with a drawn pivot: for small orders and draws that cost something.
 
 #include <array>
 #include <concepts>
@@ -30,8 +32,8 @@ namespace debias {
 /// How the product of k factors is averaged over the draws.
 enum class Products { simple, cyclic, symmetric };
 
-/// Each draw is in turn the centre for the others. It needs draws that g can be expanded at, with the others within
-/// the radius of convergence.
+/// Each draw is in turn the centre for the others. It needs draws that g can be expanded at, with the others
+/// within the radius of convergence.
 struct DrawnPivot {};
 inline constexpr DrawnPivot drawn_pivot{};
 
@@ -56,7 +58,8 @@ class Scratch {
   std::vector<double> heap_;
 };
 
-/// averages[k] = average over the factors f of products of k of them, k = 0 ... f.size(). `spare` is overwritten.
+/// averages[k] = average over the factors f of products of k of them, k = 0 ... f.size(). `spare` is
+/// overwritten.
 inline void average_products(Products products, std::span<const double> f, std::span<double> averages,
                              std::span<double> spare) {
   const std::size_t n = f.size();

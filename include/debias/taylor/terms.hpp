@@ -4,11 +4,11 @@
 //
 //   T_k = c_k prod_(i <= k) (X_i - a),  sum_k E T_k = g(E X)            [Blanchet, Chen & Glynn 2015]
 //
-//   Notation: a = centre, R = radius of convergence at a, b = E (X - a)^2 / R^2. T_0 costs 1, a draw 1 or x.work.
-// E T_k^2 falls like b^k: finite variance needs b < s < 1, s = the ratio by which the tail of the law falls. The
-// least b for 1/x, log and powers is at a = E X^2 / E X; there b = Var X / E X^2 < 1. Bounds or the moments of a
-// pilot (Centre) let this be checked; a bare a is taken as it is. For exp, any a will do: R is infinite.
-// Source: Chopin, Crucinio & Singh 2024 (centre and conditions).
+//   Notation: a = centre, R = radius of convergence at a, b = E (X - a)^2 / R^2. T_0 costs 1, a draw 1 or
+// x.work. E T_k^2 falls like b^k: finite variance needs b < s < 1, s = the ratio by which the tail of the law
+// falls. The least b for 1/x, log and powers is at a = E X^2 / E X; there b = Var X / E X^2 < 1. Bounds or
+// the moments of a pilot (Centre) let this be checked; a bare a is taken as it is. For exp, any a will do: R
+// is infinite. Source: Chopin, Crucinio & Singh 2024 (centre and conditions).
 
 #include <cmath>
 #include <concepts>
@@ -24,8 +24,8 @@
 
 namespace debias {
 
-/// The power series of a function about a point: its calls return c_0 s^0, c_1 s^1, ... in order, in a `scale` s where
-/// none of them overflows; `radius` is that of convergence.
+/// The power series of a function about a point: its calls return c_0 s^0, c_1 s^1, ... in order, in a
+/// `scale` s where none of them overflows; `radius` is that of convergence.
 template <class E>
 concept PowerSeries = std::copyable<E> && requires(E& e) {
   { e() } -> std::same_as<double>;
@@ -33,7 +33,8 @@ concept PowerSeries = std::copyable<E> && requires(E& e) {
   { e.radius } -> std::convertible_to<double>;
 };
 
-/// A function that knows its power series: g.expand(a). Those of functions.hpp do; see taylor_autodiff.hpp for yours.
+/// A function that knows its power series: g.expand(a). Those of functions.hpp do; see taylor/autodiff.hpp
+/// for yours.
 template <class G>
 concept Expandable = requires(const G& g, double a) {
   { g.expand(a) } -> PowerSeries;
@@ -68,7 +69,8 @@ double decay(const G& g, const Centre& c) {
   return std::isinf(radius) ? 0.0 : c.mean_square / (radius * radius);
 }
 
-/// The two points at distance Var / R from the mean; 1/x, log and powers have their best centre at one of them.
+/// The two points at distance Var / R from the mean; 1/x, log and powers have their best centre at one of
+/// them.
 template <Expandable G>
 Centre best_centre(const G& g, const Moments& pilot) {
   const double shift = pilot.m2 / static_cast<double>(pilot.count) / g.expand(pilot.mean).radius;
@@ -83,8 +85,8 @@ Centre best_centre(const G& g, const Moments& pilot) {
 
 }  // namespace detail
 
-/// The centre with the fastest terms, from the moments of a pilot run of X: E X for exp, E X^2 / E X for 1/x, log and
-/// powers. Throws std::invalid_argument without two draws, and where g is not defined at their mean.
+/// The centre with the fastest terms, from the moments of a pilot run of X: E X for exp, E X^2 / E X for 1/x,
+/// log and powers. Throws std::invalid_argument without two draws, and where g is not defined at their mean.
 template <Expandable G>
 Centre centre(const G& g, const Moments& pilot) {
   if (pilot.count < 2)
@@ -92,8 +94,8 @@ Centre centre(const G& g, const Moments& pilot) {
   return detail::best_centre(g, pilot);
 }
 
-/// The centre `at`, checked against a pilot. Throws std::invalid_argument where the terms would not fall, with a
-/// centre where they do.
+/// The centre `at`, checked against a pilot. Throws std::invalid_argument where the terms would not fall,
+/// with a centre where they do.
 template <Expandable G>
 Centre centre(const G& g, const Moments& pilot, double at) {
   const Centre best = centre(g, pilot);
@@ -182,6 +184,9 @@ class Taylor {
       return {scaled(power_, series_()), detail::work_of(taylor_->x_)};
     }
 
+    /// True when a factor of zero leaves nothing for all later terms.
+    [[nodiscard]] bool ended() const { return as_scalar(power_) == 0; }
+
    private:
     const Taylor* taylor_;
     Stream* rng_;
@@ -233,7 +238,8 @@ class Taylor {
   double at_;
 };
 
-/// The same about a centre that is known to be good: it declares its rates, and refuses a law that does not fit.
+/// The same about a centre that is known to be good: it declares its rates, and refuses a law that does not
+/// fit.
 template <RandomVariable X, Expandable G>
 class RatedTaylor : public Taylor<X, G> {
  public:
