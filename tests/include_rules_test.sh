@@ -16,7 +16,7 @@ may_include() {
     taylor | taylor/*) echo "$no_runner|taylor/(terms|sum)" ;;
     functions) echo "$no_runner|power_series" ;;
     linear_operators) echo "$no_runner|series" ;;
-    sde | sde/*) echo "$no_runner|sde/(scalar|summaries|vector)" ;;
+    sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal | transmittance) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     survey | diagnostics) echo 'core/.*' ;;

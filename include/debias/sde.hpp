@@ -4,13 +4,13 @@
 //
 //   euler      X <- X + a h + b dW                                                    [Maruyama 1955]
 //   milstein   X <- X + a h + b dW + b b_x (dW^2 - h) / 2                             [Milstein 1974]
-//   I_k = payoff(X_T); the coarse path takes each pair of fine increments as one      [Giles 2008]
+//   I_k = payoff(X_T), or payoff(summary of the path); the coarse path adds each pair of increments [Giles 2008]
 //
 //   Notation: a = drift, b = diffusion, b_x = diffusion_derivative, T = horizon, h = T 2^-k.
-// Lipschitz payoffs: E D_k^2 ~ 2^(-2 k) under milstein, 2^-k under euler, where no law has finite variance
-// and finite work. With additive noise, b_x = 0, the schemes are one: declare {2, 1} for euler. Payoffs that
-// jump: 2^-k and 2^(-k/2). Coefficients have to be smooth and of linear growth. While a_x h < -2 the path is
-// unstable and the first levels are wild: put the base level above them.
+// E D_k^2 ~ 2^(-2 k) under milstein for Lipschitz payoffs of the end, an average or an extreme, 2^(-1.5 k) behind a
+// barrier (declare it), 2^-k under euler: no law has finite variance and work there, unless the noise is additive
+// (b_x = 0, the schemes are one: declare {2, 1}). Payoffs that jump: 2^-k and 2^(-k/2). Coefficients have to be
+// smooth and of linear growth. While a_x h < -2 the path is unstable: put the base level above. Vectors: sde/vector.hpp.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <cmath>
@@ -25,6 +25,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
+#include <debias/sde/summaries.hpp>
 
 namespace debias {
 
@@ -68,38 +69,109 @@ struct OrnsteinUhlenbeck {
   [[nodiscard]] double diffusion_derivative(double /*x*/, double /*t*/) const { return 0; }
 };
 
-/// One step of Euler's scheme.
+/// A scheme: how noise is drawn, how a step goes, and what a Bridge needs to know of it.
 struct EulerStep {
+  static constexpr bool is_antithetic = false;
+
   template <ScalarSde M>
-  static double advance(const M& model, double x, double t, double h, double dw) {
-    return x + model.drift(x, t) * h + model.diffusion(x, t) * dw;
+  static double increment(const M& /*model*/, double sqrt_h, Stream& rng) {
+    return sqrt_h * rng.normal();
+  }
+  template <ScalarSde M>
+  static double diffusion(const M& model, double x, double t) {
+    return model.diffusion(x, t);
+  }
+  template <ScalarSde M>
+  static double advance(const M& model, double x, double t, double h, double b, double dw) {
+    return x + model.drift(x, t) * h + b * dw;
   }
 };
 
-/// One step of Milstein's scheme.
-struct MilsteinStep {
+struct MilsteinStep : EulerStep {
   template <DifferentiableSde M>
-  static double advance(const M& model, double x, double t, double h, double dw) {
-    const double b = model.diffusion(x, t);
+  static double advance(const M& model, double x, double t, double h, double b, double dw) {
     return x + model.drift(x, t) * h + b * dw + b * model.diffusion_derivative(x, t) * (dw * dw - h) / 2;
   }
 };
 
-/// What is wanted of the path: a Value computed from X_T.
-template <class F>
-concept TerminalPayoff = requires(const F& f, double x) {
-  requires Value<std::remove_cvref_t<decltype(f(x))>>;
+namespace detail {
+
+template <class M>
+using state_of = std::remove_cvref_t<decltype(std::declval<const M&>().start)>;
+
+template <class F, class Summary, class State>
+decltype(auto) pay(const F& payoff, const Summary& summary, const State& end) {
+  if constexpr (std::same_as<Summary, EndOnly>) {
+    return payoff(end);
+  } else {
+    return payoff(summary);
+  }
+}
+
+/// One path: its state, and what it leaves behind.
+template <class Step, class M, class Summary>
+class Path {
+  using State = state_of<M>;
+  static constexpr bool takes_bridges = BridgeSummary<Summary> && std::same_as<State, double>;
+
+ public:
+  Path(const M& model, const Summary& summary) : model_(model), x_(model.start), summary_(summary) {}
+
+  /// One step of length h.
+  template <class Noise>
+  void step(double t, double h, const Noise& dw, double u) {
+    const auto b = Step::diffusion(model_, x_, t);
+    State next = Step::advance(model_, x_, t, h, b, dw);
+    if constexpr (takes_bridges) {
+      summary_.add(Bridge{x_, next, b, h}, u);
+    } else {
+      summary_.add(x_, next, h);
+    }
+    x_ = std::move(next);
+  }
+
+  /// One step over two increments of length h: a summary of bridges sees the middle that they imply.
+  template <class Noise>
+  void double_step(double t, double h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
+    const Noise both = dw1 + dw2;
+    if constexpr (takes_bridges) {
+      const double b = Step::diffusion(model_, x_, t);
+      const double next = Step::advance(model_, x_, t, 2 * h, b, both);
+      const double middle = (x_ + next + b * (dw1 - dw2)) / 2;
+      summary_.add(Bridge{x_, middle, b, h}, u1);
+      summary_.add(Bridge{middle, next, b, h}, u2);
+      x_ = next;
+    } else {
+      step(t, 2 * h, both, 0);
+    }
+  }
+
+  template <class F>
+  auto pay(const F& payoff) const {
+    return detail::pay(payoff, summary_, x_);
+  }
+
+ private:
+  const M& model_;
+  State x_;
+  Summary summary_;
 };
 
-/// A BiasedSequence; the work is the number of steps, fine and coarse alike. One normal a fine step.
-template <class Step, ScalarSde M, TerminalPayoff F>
+}  // namespace detail
+
+/// A BiasedSequence; the work is the number of steps of all paths. A step of the finest path draws its increment,
+/// then the number of its bridge, if the summary uses one. An antithetic scheme has a second fine path, with
+/// the increments of each pair in reverse order: I_k is the mean of both, and so is the fine part of D_k.
+template <class Step, class M, class Summary, class F>
 class SdeLevels {
+  using Path = detail::Path<Step, M, Summary>;
+
  public:
-  using value_type = std::remove_cvref_t<std::invoke_result_t<const F&, double>>;
+  using value_type = std::remove_cvref_t<decltype(std::declval<const Path&>().pay(std::declval<const F&>()))>;
   static constexpr std::int64_t last_level = 62;
 
-  SdeLevels(M model, F payoff, const Rates& declared)
-      : rates(declared), model_(std::move(model)), payoff_(std::move(payoff)) {
+  SdeLevels(M model, Summary summary, F payoff, const Rates& declared)
+      : rates(declared), model_(std::move(model)), summary_(std::move(summary)), payoff_(std::move(payoff)) {
     if (!(model_.horizon > 0) || !std::isfinite(static_cast<double>(model_.horizon))) {
       std::ostringstream text;
       text << "sde: horizon = " << model_.horizon << " (must be positive and finite)";
@@ -116,35 +188,56 @@ class SdeLevels {
     const std::int64_t steps = steps_of(level);
     const double h = model_.horizon / static_cast<double>(steps);
     const double sqrt_h = std::sqrt(h);
-    double fine = model_.start;
-    double coarse = model_.start;
+    Path fine(model_, summary_);
+    Path twin(model_, summary_);
+    Path coarse(model_, summary_);
     for (std::int64_t i = 0; i < steps; i += 2) {
       const double t = static_cast<double>(i) * h;
-      const double dw1 = sqrt_h * rng.normal();
-      const double dw2 = sqrt_h * rng.normal();
-      fine = Step::advance(model_, fine, t, h, dw1);
-      fine = Step::advance(model_, fine, static_cast<double>(i + 1) * h, h, dw2);
-      coarse = Step::advance(model_, coarse, t, 2 * h, dw1 + dw2);
+      const double middle = static_cast<double>(i + 1) * h;
+      const auto dw1 = Step::increment(model_, sqrt_h, rng);
+      const double u1 = bridge_number(rng);
+      const auto dw2 = Step::increment(model_, sqrt_h, rng);
+      const double u2 = bridge_number(rng);
+      fine.step(t, h, dw1, u1);
+      fine.step(middle, h, dw2, u2);
+      if constexpr (Step::is_antithetic) {
+        twin.step(t, h, dw2, u2);
+        twin.step(middle, h, dw1, u1);
+      }
+      coarse.double_step(t, h, dw1, dw2, u1, u2);
     }
-    return coupled<value_type>(payoff_(fine), payoff_(coarse), 1.5 * static_cast<double>(steps));
+    const auto n = static_cast<double>(steps);
+    if constexpr (Step::is_antithetic) {
+      const value_type mean = scaled(sum(fine.pay(payoff_), twin.pay(payoff_)), 0.5);
+      return coupled<value_type>(mean, coarse.pay(payoff_), 2.5 * n);
+    } else {
+      return coupled<value_type>(fine.pay(payoff_), coarse.pay(payoff_), 1.5 * n);
+    }
   }
 
-  /// I_level without its coarse partner, same bits as in a draw. Throws std::length_error above last_level.
+  /// I_level along one path, the fine one of a draw. Throws std::length_error above last_level.
   Term<value_type> value_at(std::int64_t level, Stream& rng) const {
     const std::int64_t steps = steps_of(level);
     const double h = model_.horizon / static_cast<double>(steps);
     const double sqrt_h = std::sqrt(h);
-    double x = model_.start;
+    Path path(model_, summary_);
     for (std::int64_t i = 0; i < steps; ++i) {
-      const double dw = sqrt_h * rng.normal();
-      x = Step::advance(model_, x, static_cast<double>(i) * h, h, dw);
+      const auto dw = Step::increment(model_, sqrt_h, rng);
+      path.step(static_cast<double>(i) * h, h, dw, bridge_number(rng));
     }
-    return {payoff_(x), static_cast<double>(steps)};
+    return {path.pay(payoff_), static_cast<double>(steps)};
   }
 
   Rates rates;
 
  private:
+  static double bridge_number([[maybe_unused]] Stream& rng) {
+    if constexpr (BridgeSummary<Summary>) {
+      if constexpr (Summary::uses_number) return rng.uniform();
+    }
+    return 0;
+  }
+
   static std::int64_t steps_of(std::int64_t level) {
     if (level > last_level) {
       throw std::length_error("sde: level " + std::to_string(level) + " has 2^" + std::to_string(level) +
@@ -154,21 +247,42 @@ class SdeLevels {
   }
 
   M model_;
+  Summary summary_;
   F payoff_;
+};
+
+/// What is wanted of the path: a Value computed from X_T.
+template <class F, class State = double>
+concept TerminalPayoff = requires(const F& f, const State& x) {
+  requires Value<std::remove_cvref_t<decltype(f(x))>>;
 };
 
 /// E payoff(X_T) by Euler's scheme: `euler(OrnsteinUhlenbeck{.reversion = 2}, payoff, {2, 1})`.
 /// Throws std::invalid_argument for a horizon that is not positive and finite.
 template <ScalarSde M, TerminalPayoff F>
-SdeLevels<EulerStep, M, F> euler(M model, F payoff, const Rates& rates = {1, 1}) {
-  return {std::move(model), std::move(payoff), rates};
+auto euler(M model, F payoff, const Rates& rates = {1, 1}) {
+  return SdeLevels<EulerStep, M, detail::EndOnly, F>(std::move(model), {}, std::move(payoff), rates);
+}
+
+/// E payoff(summary of the path) by Euler's scheme.
+template <ScalarSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
+auto euler(M model, Summary summary, F payoff, const Rates& rates = {1, 1}) {
+  return SdeLevels<EulerStep, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 /// E payoff(X_T) by Milstein's scheme: `milstein(GeometricBrownianMotion{.start = 100}, payoff)`.
 /// Throws std::invalid_argument for a horizon that is not positive and finite.
 template <DifferentiableSde M, TerminalPayoff F>
-SdeLevels<MilsteinStep, M, F> milstein(M model, F payoff, const Rates& rates = {2, 1}) {
-  return {std::move(model), std::move(payoff), rates};
+auto milstein(M model, F payoff, const Rates& rates = {2, 1}) {
+  return SdeLevels<MilsteinStep, M, detail::EndOnly, F>(std::move(model), {}, std::move(payoff), rates);
+}
+
+/// E payoff(summary of the path) by Milstein's scheme:
+/// `milstein(stock, Minimum{}, [](const Minimum& path) { return path.terminal - path.minimum; })`.
+template <DifferentiableSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
+auto milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
+  return SdeLevels<MilsteinStep, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff),
+                                                rates);
 }
 
 }  // namespace debias
