@@ -30,11 +30,6 @@ void check_everywhere(const S& sequence) {
   }
 }
 
-template <class E>
-bool rejected(const E& wrong, double truth) {
-  return laws::names(estimator_laws(wrong, truth, {.repeats = 0}), "unbiased");
-}
-
 }  // namespace
 
 TEST_CASE("independent_sum is unbiased and honest on a series without noise and where differences are zero",
@@ -80,10 +75,6 @@ TEST_CASE("the laws reject independent sums that are scaled, off by one in their
 
 TEST_CASE("the variance of the independent sum is sum nu_k / P(J >= k - m) - I^2",
           "[independent_sum][statistical]") {
-  const auto has_variance = [](const Statistics& s, double exact) {
-    const double error = exact * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
-    return std::abs(s.moments.variance() - exact) <= 4.5 * error;
-  };
   // nu_k = Var D_k + (I - E I_(k-1))^2 - (I - E I_k)^2; the base stands for every level up to its own.
   const auto exact = [](std::int64_t m, double truth, double base_variance, const auto& mean,
                         const auto& variance, const Geometric& p) {

@@ -31,19 +31,9 @@ void check_everywhere(const S& terms) {
   }
 }
 
-template <class E>
-bool rejected(const E& wrong, double truth) {
-  return laws::names(estimator_laws(wrong, truth, {.repeats = 0}), "unbiased");
-}
-
 struct RatedTerms : ReciprocalTerms {
   static constexpr Rates rates{3.5849625007211562, 0};  // log2 12
 };
-
-bool has_variance(const Statistics& s, double exact) {
-  const double error = exact * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
-  return std::abs(s.moments.variance() - exact) <= 4.5 * error;
-}
 
 }  // namespace
 

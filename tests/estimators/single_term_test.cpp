@@ -44,11 +44,6 @@ struct Polynomial : SquaredMean {
   static constexpr Rates rates{4, 0, Decay::polynomial};
 };
 
-template <class E>
-bool rejected(const E& wrong, double truth) {
-  return laws::names(estimator_laws(wrong, truth, {.repeats = 0}), "unbiased");
-}
-
 }  // namespace
 
 TEST_CASE("single_term is unbiased and honest on a series without noise", "[single_term][statistical]") {
@@ -151,12 +146,6 @@ double weighted(const Geometric& p, std::int64_t first, const SecondMoment& seco
   double sum = 0;
   for (std::int64_t j = 0; j < 400; ++j) sum += second_moment(first + j) / p.mass(j);
   return sum;
-}
-
-/// The measured variance agrees with `exact` to 4.5 of its own standard errors.
-bool has_variance(const Statistics& s, double exact) {
-  const double error = exact * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
-  return std::abs(s.moments.variance() - exact) <= 4.5 * error;
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #pragma once
 
-// Laws, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject.
+// Laws, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject,
+// and the claims that tests of estimators share.
 
+#include <cmath>
 #include <cstdint>
 #include <utility>
 
@@ -11,6 +13,7 @@
 #include <debias/pmf/geometric.hpp>
 
 #include "estimators/sequences.hpp"
+#include "laws/estimator_laws.hpp"
 
 namespace debias::trial {
 
@@ -90,6 +93,18 @@ template <Estimator E>
 Scaled<E> scaled_detectably(const E& estimator, double truth, const Plan& plan, double z_limit) {
   const double detectable = z_limit * estimate(estimator, plan).standard_error;
   return {estimator, 1 + 3 * detectable / truth};
+}
+
+/// Does the law suite see that it is biased?
+template <Estimator E>
+bool rejected(const E& wrong, double truth) {
+  return laws::names(laws::estimator_laws(wrong, truth, {.repeats = 0}), "unbiased");
+}
+
+/// The claim that a run has this variance, at 4.5 standard errors.
+inline bool has_variance(const Statistics& s, double exact) {
+  const double error = exact * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
+  return std::abs(s.moments.variance() - exact) <= 4.5 * error;
 }
 
 }  // namespace debias::trial

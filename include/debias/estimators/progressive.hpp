@@ -72,21 +72,7 @@ class Progressive {
     Stream law_stream = split(rng, Branch::law);
     const std::int64_t j = law_.sample(law_stream.uniform());
     const std::int64_t level = m + 1 + j;
-    const double weight = inverse_weight(law_.mass(j), level);
-    Stream level_stream = split_level(rng, level);
-    if constexpr (OffersSharedBase<S>) {
-      auto both = sequence_.shared(level, m, level_stream);
-      record.base(m, as_scalar(both.base), 0.0);
-      record.difference(level, as_scalar(both.difference), both.work);
-      return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
-    } else {
-      Stream base_stream = split_level(rng, m);
-      auto base = value_of(sequence_, m, base_stream);
-      auto term = difference_of(sequence_, level, level_stream);
-      record.base(m, as_scalar(base.value), base.work);
-      record.difference(level, as_scalar(term.value), term.work);
-      return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
-    }
+    return detail::base_and_difference(sequence_, m, level, inverse_weight(law_.mass(j), level), rng, record);
   }
 
   [[nodiscard]] std::string describe() const {

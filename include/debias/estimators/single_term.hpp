@@ -58,27 +58,15 @@ class SingleTerm {
   Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
     const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
-    Stream level_stream = split_level(rng, level);
     if (options_.base == Base::drawn) {
+      Stream level_stream = split_level(rng, level);
       auto term = level == m ? value_of(sequence_, level, level_stream)
                              : difference_of(sequence_, level, level_stream);
       level == m ? record.base(m, as_scalar(term.value), term.work)
                  : record.difference(level, as_scalar(term.value), term.work);
       return {scaled(std::move(term.value), weight), term.work, level};
     }
-    if constexpr (OffersSharedBase<S>) {
-      auto both = sequence_.shared(level, m, level_stream);
-      record.base(m, as_scalar(both.base), 0.0);
-      record.difference(level, as_scalar(both.difference), both.work);
-      return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
-    } else {
-      Stream base_stream = split_level(rng, m);
-      auto base = value_of(sequence_, m, base_stream);
-      auto term = difference_of(sequence_, level, level_stream);
-      record.base(m, as_scalar(base.value), base.work);
-      record.difference(level, as_scalar(term.value), term.work);
-      return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
-    }
+    return detail::base_and_difference(sequence_, m, level, weight, rng, record);
   }
 
   /// What the difference of a level is divided by.
