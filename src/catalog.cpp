@@ -4,6 +4,8 @@
 #include <array>
 #include <stdexcept>
 
+#include <debias/diagnostics.hpp>
+
 #include "catalog/groups.hpp"
 #include "core/text.hpp"
 
@@ -63,9 +65,14 @@ const std::vector<Method>& methods() {
   return all;
 }
 
-AnyPmf default_law(const Problem& problem) {
+Rates rates_of(const Problem& problem, Method method) {
+  const bool sums = method == Method::independent_sum || method == Method::roulette;
+  return sums ? rates_of_sum(problem.rates) : problem.rates;
+}
+
+AnyPmf default_law(const Problem& problem, Method method) {
   if (problem.law) return *problem.law;
-  const double exponent = default_exponent(problem.rates);
+  const double exponent = default_exponent(rates_of(problem, method));
   if (problem.rates.decay == Decay::polynomial) return AnyPmf(Zeta(exponent));
   return AnyPmf(Geometric::with_exponent(exponent));
 }
@@ -124,21 +131,30 @@ const std::vector<Problem>& problems() {
       slow_geometric_series(),
       zeta_of_two(),
       series_for_e(),
+      machin_pi(),
       bessel_j0(),
       neumann_matrix(),
       furnace(),
+      facing_walls(),
+      log_determinant_by_probes(),
       log_series(),
       wallis_product(),
       // E: stochastic differential equations
       european_call(),
+      asian_call(),
+      lookback_call(),
+      barrier_call(),
       gbm_by_euler(),
       mean_of_gbm(),
       second_moment_of_ou(),
+      geometric_asian_call(),
+      clark_cameron(),
       // F: nested expectations
       nested_max(),
       nested_square(),
       value_of_information(),
       nested_exp(),
+      doubly_nested_exp(),
       // H: steady states
       autoregression(),
       waiting_time(),

@@ -71,9 +71,12 @@ struct Problem {
   LevelRuns levels;  ///< for a survey, a recipe, or multilevel
 };
 
-/// The law of the problem, or the one that its declared rates ask for. Throws std::invalid_argument where no law has finite variance and
-/// finite work.
-AnyPmf default_law(const Problem& problem);
+/// The rates that count for a method: a sum pays for all levels up to its last one.
+Rates rates_of(const Problem& problem, Method method);
+
+/// The law of the problem, or the one that its declared rates ask for.
+/// Throws std::invalid_argument where no law has finite variance and finite work.
+AnyPmf default_law(const Problem& problem, Method method = Method::single_term);
 
 /// All problems, in the order of their ids.
 const std::vector<Problem>& problems();

@@ -7,9 +7,11 @@
 
 #include "catalog.hpp"
 #include "catalog/validation.hpp"
+
 #include "catch_shim.hpp"
 
 #include <debias/core/rates.hpp>
+#include <debias/diagnostics.hpp>
 
 using namespace debias;
 using namespace debias::catalog;
@@ -44,6 +46,21 @@ TEST_CASE("a law is refused exactly where no law has finite variance and finite 
     }
   }
   CHECK(refused == std::vector<std::string>{"C12", "E06"});
+}
+
+TEST_CASE("every law that validation chooses has finite variance and finite work for its estimator",
+          "[catalog][exact]") {
+  for (const Problem& p : problems()) {
+    for (const Choice& choice : choices(p)) {
+      if (!choice.special.empty() || choice.method == Method::truncated) continue;
+      const Rates rates = rates_of(p, choice.method);
+      CAPTURE(p.id, name_of(choice), choice.law.spec());
+      if (!law_exists(rates)) continue;
+      const Verdict v = judge(rates, choice.law.tail_exponent());
+      CHECK(v.finite_variance);
+      CHECK(v.finite_work);
+    }
+  }
 }
 
 TEST_CASE("the threshold rejects one family in a million: 4.9 for one cell, 5.5 for 30, 6.1 for 1000",

@@ -49,6 +49,29 @@ TEST_CASE("the borders belong to the infinite", "[diagnostics][exact]") {
   CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no law has both"));
 }
 
+TEST_CASE("a sum over levels pays for all of them: a power law needs an exponent above 2 beside constant work",
+          "[diagnostics][exact]") {
+  const Rates zeta_of_two{4, 0, Decay::polynomial};  // terms k^-2
+  const Rates sums = rates_of_sum(zeta_of_two);
+  CHECK(judge(zeta_of_two, power_law(2)).finite_work);
+  CHECK_FALSE(judge(sums, power_law(2)).finite_work);
+  CHECK(judge(sums, power_law(2.5)).finite_work);
+  CHECK(judge(sums, power_law(2.5)).finite_variance);
+  CHECK_FALSE(judge(sums, power_law(3)).finite_variance);
+  CHECK(default_exponent(sums) == Approx(2.3));
+  CHECK_FALSE(law_exists(rates_of_sum({3, 0, Decay::polynomial})));
+  CHECK(rates_of_sum({2, 1}).work == 1);
+  // the expected number of terms, sum_k P(N >= k): zeta(3/2) / zeta(5/2), or the logarithm of where it is cut
+  const auto terms = [](double s, std::int64_t first, std::int64_t last) {
+    const Zeta law(s);
+    double sum = 0;
+    for (std::int64_t k = first; k < last; ++k) sum += law.tail(k);
+    return sum;
+  };
+  CHECK(terms(2.5, 0, 100000) == Approx(1.9473 - 0.0031).epsilon(1e-3));
+  CHECK(terms(2, 10000, 100000) == Approx(std::log(10.0) * 6 / (std::acos(-1.0) * std::acos(-1.0))).epsilon(1e-3));
+}
+
 TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[diagnostics][exact]") {
   for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
     for (const double variance : {0.5, 1.0, 2.0, 4.0}) {

@@ -23,7 +23,7 @@ may_include() {
     multilevel) echo 'core/.*|survey|diagnostics' ;;
     recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators)/.*|[a-z_]*' ;;
-    catalog | catalog/*) echo '(core|pmf|estimators|catalog)/.*|[a-z_]*' ;;
+    catalog | catalog/*) echo '(core|pmf|estimators|catalog|sde)/.*|[a-z_]*' ;;
     cli/* | render/* | mpi/* | python/*) echo '.*' ;;
     *) echo "$no_runner" ;;
   esac

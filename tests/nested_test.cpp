@@ -11,7 +11,10 @@
 #include <Eigen/Core>
 
 #include <debias/core/accumulator.hpp>
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
 #include <debias/functions.hpp>
+#include <debias/pmf/geometric.hpp>
 
 #include "catch_shim.hpp"
 #include "laws/sequence_laws.hpp"
@@ -131,4 +134,36 @@ TEST_CASE("a level beyond int64 throws before the outer draw", "[nested][exact]"
   CHECK_THROWS_AS(s(63, rng), std::length_error);
   CHECK_THROWS_AS(s.shared(63, 0, rng), std::length_error);
   CHECK_THROWS_AS(s(3, rng), std::logic_error);
+}
+
+TEST_CASE("F09: two nestings, the inner draw an unbiased estimate of a nested expectation", "[nested][law]") {
+  const auto given_x = [](double x) {
+    const auto y = [x](Stream& rng) { return x + rng.normal(); };
+    return single_term(nested(y, around, functions::Square{}), Geometric::with_exponent(1.2));
+  };
+  const auto inner = estimated(given_x);
+  // draws of one stream are independent, and have the mean x^2 + 1
+  std::vector<double> draws;
+  std::vector<double> products;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    Stream rng(8, i);
+    const double one = inner(0.5, rng);
+    const double two = inner(0.5, rng);
+    draws.push_back(one);
+    products.push_back((one - 1.25) * (two - 1.25));
+  }
+  const Moments mean = Moments::of(draws);
+  const Moments covariance = Moments::of(products);
+  CHECK(std::abs(mean.mean - 1.25) < 4.5 * mean.standard_error());
+  CHECK(std::abs(covariance.mean) < 4.5 * covariance.standard_error());
+  CHECK(mean.variance() > 4.5 * covariance.standard_error());  // what equal draws would have had
+
+  const auto f = [](double m) { return std::exp(-std::max(m, 0.0)); };
+  const auto s = nested(normal, inner, f);
+  CHECK(sequence_laws(s, {.last = 5, .rates = false}) == Failures{});
+  const auto r = estimate(single_term(s, {.base_level = 2}), {.samples = 1 << 14});
+  INFO(r);
+  CHECK(std::abs(r.mean - std::exp(-1) / std::sqrt(3.0)) < 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - std::exp(-1.25)) >
+        4.5 * r.standard_error);  // E[Z^2|X] = X^2 + 2 taken for its square
 }

@@ -36,8 +36,17 @@ struct Verdict {
   [[nodiscard]] double highest_moment() const { return 1 / tail_index; }
 };
 
-/// The verdict on a law of tail `law` for a sequence of rates `rates`.
+/// The verdict on a law of tail `law` for a sequence of rates `rates`. For a sum: judge(rates_of_sum(rates), law).
 Verdict judge(const Rates& rates, const TailExponent& law);
+
+/// The rates with which `judge`, `finite_exponents` and `default_exponent` speak of a sum over all levels up to a random
+/// one, `roulette` or `independent_sum`. Level k is drawn with probability P(N >= k), so that power laws cost the sum of
+/// the work up to the last level: finite iff rho > gamma + 2. The variance, with differences of one sign, is finite where
+/// that of a single term is. Geometric rates are the same for both.
+inline Rates rates_of_sum(Rates rates) {
+  if (rates.decay == Decay::polynomial) rates.work += 1;
+  return rates;
+}
 
 /// As above from rates that carry their errors: undecided within two of them of the border, never a guess.
 struct MeasuredVerdict {

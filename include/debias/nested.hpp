@@ -8,11 +8,14 @@
 // E D_k^2 ~ 2^(-2k) for smooth f and four moments. A kink of f inside the range of E[X | Y] has {1.5, 1} and
 // a kurtosis that grows like 2^(k/2): declare it (the value of information, a maximum over decisions, is
 // such a kink). A jump has {0.5, 1}: no law with finite variance and finite work.
-// Source: Giles, "Multilevel Monte Carlo methods", Acta Numerica 24 (2015).
+// Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with a
+// finite fourth moment. f has to bear what such estimates may be: beside a large weight they have either sign.
+// Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).
 
 #include <cstdint>
 #include <utility>
 
+#include <debias/core/estimator.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/function_of_mean.hpp>
@@ -37,6 +40,17 @@ struct ConditionalPoints {
 };
 
 }  // namespace detail
+
+/// An unbiased estimator as an inner draw: `make(y)` returns it. Each draw has a stream of its own; its work counts
+/// as one inner draw.
+template <class Make>
+auto estimated(Make make) {
+  return [make = std::move(make)](const auto& y, Stream& rng) {
+    Stream own = rng.split(rng.bits());
+    NullRecord unused;
+    return draw_sample(make(y), own, unused).value;
+  };
+}
 
 /// `outer(rng)` draws Y, of any type; `inner(y, rng)` draws X given Y = y, a Value; `f(mean)` is a Value.
 template <class Outer, class Inner, class F>

@@ -62,23 +62,32 @@ Problem geometric_series();
 Problem slow_geometric_series();
 Problem zeta_of_two();
 Problem series_for_e();
+Problem machin_pi();
 Problem bessel_j0();
 Problem neumann_matrix();
 Problem furnace();
+Problem facing_walls();
+Problem log_determinant_by_probes();
 Problem log_series();
 Problem wallis_product();
 
 // E: stochastic differential equations (paths.cpp)
 Problem european_call();
+Problem asian_call();
+Problem lookback_call();
+Problem barrier_call();
 Problem gbm_by_euler();
 Problem mean_of_gbm();
 Problem second_moment_of_ou();
+Problem geometric_asian_call();
+Problem clark_cameron();
 
 // F: nested expectations (nested.cpp)
 Problem nested_max();
 Problem nested_square();
 Problem value_of_information();
 Problem nested_exp();
+Problem doubly_nested_exp();
 
 // H: steady states (chains.cpp)
 Problem autoregression();

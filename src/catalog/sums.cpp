@@ -2,6 +2,9 @@
 
 #include <cmath>
 
+#include <Eigen/Core>
+
+#include <debias/linear_operators.hpp>
 #include <debias/series.hpp>
 
 #include "groups.hpp"
@@ -15,12 +18,9 @@ double power(double x, std::int64_t k) { return std::pow(x, static_cast<double>(
 }  // namespace
 
 Problem geometric_series() {
-  return make({.id = "D01",
-               .name = "geometric-series",
-               .module = "series.hpp",
-               .truth = 2,
-               .formula = "sum 2^-k: 2"},
-              series([](std::int64_t k) { return power(0.5, k); }, geometric_terms(0.5)));
+  return make(
+      {.id = "D01", .name = "geometric-series", .module = "series.hpp", .truth = 2, .formula = "sum 2^-k: 2"},
+      series([](std::int64_t k) { return power(0.5, k); }, geometric_terms(0.5)));
 }
 
 Problem slow_geometric_series() {
@@ -46,12 +46,27 @@ Problem zeta_of_two() {
 }
 
 Problem series_for_e() {
-  return make({.id = "D07",
-               .name = "series-for-e",
+  return make(
+      {.id = "D07",
+       .name = "series-for-e",
+       .module = "series.hpp",
+       .truth = 2.718281828459045235360,
+       .formula = "sum 1/k!: e"},
+      series([](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); }, factorial_terms));
+}
+
+Problem machin_pi() {
+  // atan(1/5) and atan(1/239) side by side, term by term.
+  const auto term = [](std::int64_t k) {
+    const double n = 2 * static_cast<double>(k) + 1;
+    return (k % 2 == 0 ? 1 : -1) / n * (16 * std::pow(5, -n) - 4 * std::pow(239, -n));
+  };
+  return make({.id = "D08",
+               .name = "machin-pi",
                .module = "series.hpp",
-               .truth = 2.718281828459045235360,
-               .formula = "sum 1/k!: e"},
-              series([](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); }, factorial_terms));
+               .truth = 3.141592653589793238463,
+               .formula = "16 atan(1/5) - 4 atan(1/239) by their series: pi"},
+              series(term, geometric_terms(1.0 / 25)));
 }
 
 Problem bessel_j0() {
@@ -68,24 +83,18 @@ Problem bessel_j0() {
 }
 
 Problem neumann_matrix() {
-  // First component of b + A b + A^2 b + ..., A = [[.5, .4], [.2, .3]], b = (1, 2); spectral radius 0.7.
-  struct Powers {
-    Rates rates = geometric_terms(0.7);
-    auto operator()(Stream&) const {
-      return [x = 1.0, y = 2.0]() mutable -> Term<double> {
-        const double first = x;
-        x = 0.5 * first + 0.4 * y;
-        y = 0.2 * first + 0.3 * y;
-        return {first};
-      };
-    }
-  };
-  return make({.id = "D11",
-               .name = "neumann-matrix",
-               .module = "core/sequence.hpp",
-               .truth = 5.555555555555555555556,
-               .formula = "x = A x + b, A = [[.5, .4], [.2, .3]], b = (1, 2), first component: 50/9"},
-              Powers{});
+  const Eigen::Matrix2d a{{0.5, 0.4}, {0.2, 0.3}};
+  const Eigen::Vector2d b(1, 2);
+  const Eigen::Vector2d c(1, 0);
+  Problem p = make({.id = "D11",
+                    .name = "neumann-matrix",
+                    .module = "linear_operators.hpp",
+                    .truth = 5.555555555555555555556,
+                    .formula = "x = A x + b, A = [[.5, .4], [.2, .3]], b = (1, 2), first component: 50/9"},
+                   neumann(a, b, c));
+  add(p, {"neumann_walk", "random walk over the entries of the matrix, roulette"},
+      roulette(neumann_walk(a, b, c)));
+  return p;
 }
 
 Problem furnace() {
@@ -95,6 +104,36 @@ Problem furnace() {
                .truth = 5,
                .formula = "radiance in a furnace of albedo 0.8, cut at a path depth: sum 0.8^k = 5"},
               series([](std::int64_t k) { return power(0.8, k); }, geometric_terms(0.8)));
+}
+
+Problem facing_walls() {
+  // A light path between the walls: state i holds the wall, the weight the albedos so far; E_i = 1 is what it emits.
+  struct Path {
+    int wall;
+    double weight;
+  };
+  const auto start = [](Stream&) { return Path{0, 1}; };
+  const auto bounce = [](const Path& p, Stream&) {
+    return Path{1 - p.wall, p.weight * (p.wall == 0 ? 0.5 : 0.7)};
+  };
+  const auto emitted = [](const Path& p) { return p.weight; };
+  return make({.id = "D16",
+               .name = "facing-walls",
+               .module = "series.hpp",
+               .truth = 2.307692307692307692308,
+               .formula = "radiosity of the first of two facing walls, albedos .5 and .7, E = (1, 1): 30/13"},
+              path_series(start, bounce, emitted, geometric_terms(std::sqrt(0.35))));
+}
+
+Problem log_determinant_by_probes() {
+  const Eigen::Matrix3d a{{0.3, 0.2, 0}, {0.2, 0.4, 0.1}, {0, 0.1, 0.2}};
+  return make(
+      {.id = "D17",
+       .name = "log-determinant",
+       .module = "linear_operators.hpp",
+       .truth = -1.214023140179437433806,
+       .formula = "log det(I - A), A = [[.3, .2, 0], [.2, .4, .1], [0, .1, .2]], random signs: ln 0.297"},
+      log_determinant(a));
 }
 
 Problem log_series() {

@@ -43,6 +43,21 @@ double probability(const Choice& choice, std::int64_t j) {
   }
 }
 
+bool needs_law(const Choice& choice) { return choice.special.empty() && choice.method != Method::truncated; }
+
+bool is_refused(const Problem& problem, const Choice& choice) {
+  return needs_law(choice) && !law_exists(rates_of(problem, choice.method));
+}
+
+std::string refusal(const Rates& rates) {
+  std::ostringstream text;
+  const char* base = rates.decay == Decay::geometric ? "2^(" : "k^(";
+  const char* k = rates.decay == Decay::geometric ? " k)" : ")";
+  text << "no law has both finite variance and finite work: E D_k^2 ~ " << base << -rates.variance << k << ", work ~ "
+       << base << rates.work << k;
+  return text.str();
+}
+
 bool is_baseline(const Choice& choice) { return choice.special.empty() && choice.method == Method::truncated; }
 
 // What rounding alone may do to a mean whose samples are sums of numbers of this size.
@@ -118,19 +133,21 @@ std::string_view name_of(Status status) {
 }
 
 std::vector<Choice> choices(const Problem& problem) {
-  const bool has_law = law_exists(problem.rates);
-  const AnyPmf law = has_law ? default_law(problem) : Choice{}.law;  // a refused choice never runs
   const std::int64_t m = problem.lowest_base;
   std::vector<Choice> all;
   for (const Method method : problem.methods) {
+    Choice choice{.method = method, .base_level = m};
     if (method == Method::truncated) {
-      all.push_back({method, law, m + higher_base});
-    } else {
-      all.push_back({method, law, m});
-      if (method == Method::single_term) all.push_back({method, law, m + higher_base});
+      choice.base_level += higher_base;
+    } else if (!is_refused(problem, choice)) {
+      choice.law = default_law(problem, method);
     }
+    all.push_back(choice);
+    if (method != Method::single_term) continue;
+    choice.base_level += higher_base;
+    all.push_back(choice);
   }
-  for (const Special& s : problem.specials) all.push_back({Method::single_term, law, m, s.name});
+  for (const Special& s : problem.specials) all.push_back({.base_level = m, .special = s.name});
   return all;
 }
 
@@ -157,24 +174,22 @@ Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
   for (const Problem* problem : problems) {
     for (const Choice& choice : choices(*problem)) {
       ++total;
-      if (is_baseline(choice)) continue;
-      if (!choice.special.empty() || law_exists(problem->rates)) ++judged;
+      if (!is_baseline(choice) && !is_refused(*problem, choice)) ++judged;
     }
   }
   Report report;
   report.threshold = family_threshold(judged);
   for (const Problem* problem : problems) {
-    const bool has_law = law_exists(problem->rates);
     PilotMoments moments{};
-    if (has_law) moments = pilot_moments(*problem, plan.seed);
+    if (law_exists(problem->rates)) moments = pilot_moments(*problem, plan.seed);
     for (const Choice& choice : choices(*problem)) {
       Cell cell;
-      if (has_law || choice.method == Method::truncated || !choice.special.empty()) {
-        cell = run_cell(*problem, choice, plan, moments);
-      } else {
+      if (is_refused(*problem, choice)) {
         cell.problem = problem;
         cell.choice = choice;
-        cell.reason = "no law has both finite variance and finite work";
+        cell.reason = refusal(rates_of(*problem, choice.method));
+      } else {
+        cell = run_cell(*problem, choice, plan, moments);
       }
       cell.detectable_bias *= report.threshold + power_quantile;
       if (cell.status == Status::refused && cell.has_run) {

@@ -36,9 +36,9 @@ catalog::Method read_method(const std::string& text, const catalog::Problem& pro
                               names);
 }
 
-AnyPmf read_law(const std::string& text, const catalog::Problem& problem) {
+AnyPmf read_law(const std::string& text, const catalog::Problem& problem, catalog::Method method) {
   try {
-    return text == "auto" ? catalog::default_law(problem) : AnyPmf::parse(text);
+    return text == "auto" ? catalog::default_law(problem, method) : AnyPmf::parse(text);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument((text == "auto" ? "--law auto: " : "--law: ") + std::string(e.what()));
   }
@@ -75,7 +75,7 @@ catalog::Choice read_choice(const Arguments& arguments, const catalog::Problem& 
   const std::int64_t base_level = arguments.base_level == "auto"
                                       ? problem.lowest_base
                                       : read_int64(arguments.base_level, "--base-level", 0);
-  return {method, takes_law ? read_law(arguments.law, problem) : AnyPmf(Geometric(0.5)), base_level};
+  return {method, takes_law ? read_law(arguments.law, problem, method) : AnyPmf(Geometric(0.5)), base_level};
 }
 
 Plan read_plan(const Arguments& arguments) {

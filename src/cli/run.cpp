@@ -17,7 +17,9 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
     v.sentence = special->reason.empty() ? special->description : special->description + "; " + special->reason;
     return v;
   }
-  if (choice.method != catalog::Method::truncated) return judge(problem.rates, choice.law.tail_exponent());
+  if (choice.method != catalog::Method::truncated) {
+    return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
+  }
   Verdict v;
   v.finite_variance = true;
   v.finite_work = true;
