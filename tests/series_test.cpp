@@ -8,6 +8,15 @@
 
 #include <Eigen/Core>
 
+#include <debias/core/estimate.hpp>
+#include <debias/diagnostics.hpp>
+#include <debias/estimators/roulette.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/estimators/truncated.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/pmf/zeta.hpp>
+#include <debias/survey.hpp>
+
 #include "catch_shim.hpp"
 #include "laws/sequence_laws.hpp"
 
@@ -266,4 +275,108 @@ TEST_CASE("a series is levels and terms at once, with rates only if they were de
   STATIC_REQUIRE(BiasedSequence<decltype(paired(series(noisy_halves)))>);
   STATIC_REQUIRE_FALSE(DeclaresRates<decltype(paired(series(halves)))>);
   STATIC_REQUIRE(DeclaresRates<decltype(paired(series(halves, geometric_terms(0.5))))>);
+}
+
+TEST_CASE("dyadic blocks hold the terms 2^(k-1) ... 2^k - 1, for as much work", "[series][exact]") {
+  const auto s = blocks(series(squares, polynomial_terms(2)));
+  std::int64_t first = 0;
+  for (std::int64_t k = 0; k <= 12; ++k) {
+    const std::int64_t end = std::int64_t{1} << k;
+    double block = 0;
+    for (std::int64_t i = first; i < end; ++i) block += squares(i);
+    CHECK(s.difference_at(k, unused).value == Approx(block).epsilon(1e-13));
+    CHECK(s.difference_at(k, unused).work == static_cast<double>(end - first));
+    CHECK(s.value_at(k, unused).value ==
+          Approx(series(squares).value_at(end - 1, unused).value).epsilon(1e-13));
+    CHECK(s.value_at(k, unused).work == static_cast<double>(end));
+    CHECK(s(k, unused).difference == s.difference_at(k, unused).value);
+    first = end;
+  }
+  CHECK_THROWS_AS(s.difference_at(63, unused), std::length_error);
+  CHECK(sequence_laws(s, {.last = 10, .rates_from = 4}) == Failures{});
+  CHECK(sequence_laws(blocks(series(noisy_halves, geometric_terms(0.5))), {.last = 4}) == Failures{});
+  CHECK(sequence_laws(blocks(series(squares), {4, 1}), {.last = 10, .rates_from = 4}) != Failures{});
+}
+
+TEST_CASE(
+    "unit blocks of a polynomial decay under a geometric law have infinite variance, dyadic ones have not",
+    "[series][statistical]") {
+  const auto units = series(squares, polynomial_terms(2));
+  const auto dyadic = blocks(units);
+  const TailExponent geometric = Geometric::with_exponent(1.5).tail_exponent();
+  // from the declared rates, and from measured ones
+  CHECK_FALSE(judge(units.rates, geometric).finite_variance);
+  CHECK(judge(dyadic.rates, geometric).finite_variance);
+  CHECK(judge(dyadic.rates, geometric).finite_work);
+  const Survey seen_units = survey(units, 24, {.samples = 64, .threads = 1});
+  const Survey seen_blocks = survey(dyadic, 14, {.samples = 64, .threads = 1});
+  INFO(seen_units << seen_blocks);
+  CHECK(seen_units.rates.kind == RateKind::polynomial);
+  CHECK(std::abs(seen_units.rates.variance.value - 4) < 0.15);
+  CHECK(judge(seen_units.rates, geometric).variance == Finiteness::infinite);
+  CHECK(seen_blocks.rates.kind == RateKind::geometric);
+  CHECK(std::abs(seen_blocks.rates.variance.value - 2) < 0.15);
+  CHECK(judge(seen_blocks.rates, geometric).variance == Finiteness::finite);
+  // both are unbiased under a law of their own
+  const double truth = pi * pi / 6;
+  const auto by_units = estimate(single_term(units, Zeta(2.0)), {.samples = 1 << 14});
+  const auto by_blocks = estimate(single_term(dyadic), {.samples = 1 << 14});
+  CHECK(std::abs(by_units.mean - truth) < 4.5 * by_units.standard_error);
+  CHECK(std::abs(by_blocks.mean - truth) < 4.5 * by_blocks.standard_error);
+}
+
+TEST_CASE("D14: truncation of the path depth, debiased by roulette, is classical Russian roulette",
+          "[series][statistical]") {
+  // A light path in a furnace whose walls emit: the albedo is 0.8 everywhere, the emission depends on where it is.
+  constexpr double albedo = 0.8;
+  struct Vertex {
+    double position;
+    double throughput;
+  };
+  const auto emission = [](double position) { return 2 * position; };  // 1 on average
+  const auto start = [](Stream& rng) { return Vertex{rng.uniform(), 1}; };
+  const auto bounce = [](const Vertex& v, Stream& rng) {
+    return Vertex{rng.uniform(), albedo * v.throughput};
+  };
+  const auto radiance = [&emission](const Vertex& v) { return v.throughput * emission(v.position); };
+  const auto path = path_series(start, bounce, radiance, geometric_terms(albedo));
+  const Geometric survival(1 - albedo);
+  const auto debiased = roulette(path, survival);
+
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    const Stream sample(6, i);
+    Stream one = sample;
+    NullRecord unused_record;
+    const double value = debiased(one, unused_record).value;
+    // the loop of a path tracer: go on with probability albedo, by which the throughput is divided
+    Stream decisions = split(sample, Branch::law);
+    Stream vertices = split_level(sample, 0);
+    const double u = decisions.uniform();
+    double classical = emission(vertices.uniform());
+    double alive = albedo;
+    while (u < alive) {  // one number decides all steps: the k-th is survived where u < albedo^k
+      classical += emission(vertices.uniform());
+      alive *= albedo;
+    }
+    CHECK(value == Approx(classical).epsilon(1e-12));
+  }
+  const auto r = estimate(debiased, {.samples = 1 << 16});
+  CHECK(std::abs(r.mean - 5) < 4.5 * r.standard_error);
+  // classical roulette: N + 1 emissions of mean 1, variance 1/3; var = E(N + 1) / 3 + Var N
+  CHECK(r.moments.variance() == Approx(5.0 / 3 + 20).epsilon(0.05));
+  // maximal depth 5 alone is biased by albedo^6 / (1 - albedo)
+  const auto cut = estimate(truncated(levels_of(path), 5), {.samples = 1 << 16});
+  CHECK(std::abs(cut.mean - 5 + std::pow(albedo, 6) * 5) < 4.5 * cut.standard_error);
+}
+
+TEST_CASE("a deterministic prefix before the random tail leaves the mean and takes the variance",
+          "[series][statistical]") {
+  const auto s = series([](std::int64_t k) { return power(0.8, k); }, geometric_terms(0.8));
+  const auto plain = estimate(roulette(s), {.samples = 1 << 14});
+  const auto prefixed = estimate(roulette(s, {.base_level = 10}), {.samples = 1 << 14});
+  CHECK(std::abs(plain.mean - 5) < 4.5 * plain.standard_error);
+  CHECK(std::abs(prefixed.mean - 5) < 4.5 * prefixed.standard_error);
+  // the tail is the series itself times 0.8^11, but for its first term
+  CHECK(prefixed.moments.variance() == Approx(plain.moments.variance() * power(0.64, 10)).epsilon(0.1));
+  CHECK(prefixed.work_per_sample() == Approx(plain.work_per_sample() + 10).epsilon(0.02));
 }
