@@ -23,10 +23,11 @@ constexpr double octave_floor = 0.03;
 // Below these sizes beside I_k a difference is: too small to matter, or rounding, or zero in exact arithmetic.
 constexpr double negligible = 1e-10;
 constexpr double rounding_size = 1e-13;
-constexpr double chi_square_z = 3.1;   // a right fit fails once in a thousand
-constexpr double drift_z = 1.5;        // how far a slope may move when the shallowest level leaves
-constexpr double confidence_z = 2.6;   // of yes and no: wrong once in two hundred
-constexpr double needless_excess = 0.2;  // a law for beta - gamma below this part of gamma is none for practice
+constexpr double chi_square_z = 3.1;  // a right fit fails once in a thousand
+constexpr double drift_z = 1.5;       // how far a slope may move when the shallowest level leaves
+constexpr double confidence_z = 2.6;  // of yes and no: wrong once in two hundred
+constexpr double needless_excess =
+    0.2;  // a law for beta - gamma below this part of gamma is none for practice
 constexpr std::size_t fewest_levels = 3;
 constexpr std::size_t fewest_scattered = 4;
 constexpr std::int64_t most_levels = 24;
@@ -164,7 +165,8 @@ class Conclusion {
         const ComponentEstimate& below = rows[i - 1].values[c];
         const double gap = row.coarse[c].mean - below.mean;
         const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
-        const double z = gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
+        const double z =
+            gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
         if (!(std::abs(z) <= std::abs(row.consistency))) row.consistency = z;
       }
       if (!(std::abs(row.consistency) > worst) && !std::isnan(row.consistency)) continue;
@@ -172,9 +174,10 @@ class Conclusion {
       where = row.level;
     }
     if (worst <= 4.5) return;  // NaN does not pass
-    remark("E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
-           "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-           "from it is biased");
+    remark(
+        "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
+        "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
+        "from it is biased");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
@@ -260,7 +263,8 @@ class Conclusion {
     const std::vector<std::size_t>& usable = fits.usable;
     std::optional<RateFit>& g = fits.geometric;
     const std::optional<RateFit>& p = fits.polynomial;
-    if (drowned_ > 0) remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
+    if (drowned_ > 0)
+      remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
     if (!g && !p) g = scattered(usable);
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -328,7 +332,8 @@ class Conclusion {
     for (std::size_t i = usable.size() > 5 ? usable.size() - 5 : 0; i + 1 < usable.size(); ++i) {
       const SurveyRow& a = rows[usable[i]];
       const SurveyRow& b = rows[usable[i + 1]];
-      const double fall = std::log2(a.second_moment / b.second_moment) / static_cast<double>(b.level - a.level);
+      const double fall =
+          std::log2(a.second_moment / b.second_moment) / static_cast<double>(b.level - a.level);
       if (!(fall > 1.03 * last)) return false;
       last = fall;
     }
@@ -349,7 +354,8 @@ class Conclusion {
     const auto quality = [](const std::optional<RateFit>& f) {
       return f ? f->line.chi_square / f->line.degrees : std::numeric_limits<double>::infinity();
     };
-    const bool is_polynomial = p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
+    const bool is_polynomial =
+        p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
     if (decay == Decay::geometric && is_polynomial) {
       survey_.rates.work = {0, 0};  // no power of 2 at all
     } else if (decay == Decay::polynomial && is_polynomial) {
@@ -417,6 +423,11 @@ const char* name_of(Answer answer) {
   return "cannot tell";
 }
 
+const char* name_of(RateKind kind) {
+  constexpr std::array names = {"geometric", "polynomial", "exact zero", "super-exponential"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
 SharedMoments detail::shared_moments(const Statistics& s) {
   const double base = part_of(s, 0).variance;
   return {base, (part_of(s, 2).variance - base - part_of(s, 1).variance) / 2, s.work_per_sample()};
@@ -443,7 +454,7 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   }
   row.second_moment_error = row.second_moment * std::sqrt(std::max(row.kurtosis - 1, 0.0) / n);
   row.nonzero = s.components.back().mean;
-  row.votes = n >= draws_per_kurtosis * row.kurtosis;
+  row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
   std::tie(row.value_work, row.difference_work) = runs.work(level, plan);
   const auto each = static_cast<std::ptrdiff_t>(value.means.size());
@@ -560,11 +571,11 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey) {
                 "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
   out << line;
   for (const SurveyRow& r : survey.rows) {
-    std::snprintf(line, sizeof line,
-                  "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
-                  static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance,
-                  r.difference, r.difference_error, r.second_moment, r.kurtosis, r.consistency,
-                  r.difference_work, 1e6 * r.seconds, r.fitted ? "*" : (r.votes ? "" : "few draws"));
+    std::snprintf(
+        line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
+        static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
+        r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
+        r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
     out << line;
   }
   const MeasuredRates& m = survey.rates;

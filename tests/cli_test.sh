@@ -81,7 +81,22 @@ refused 2 "did you mean 'single_term'" run A01 --estimator single-term
 refused 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
 refused 2 "--base-level = '-1'" run A01 --base-level -1
 refused 2 "level 99" run A01 --base-level 99
-refused 2 "no law has both" run E06 --law auto
+refused 2 "no law has both" run E06
+refused 2 "no law has finite variance and finite work.*stable index" run E06 --law auto
+refused 2 "a replay needs the law itself" replay A01 --law auto --seed 1 --sample 1
+refused 2 "'roulette'" run D01 --law auto --estimator roulette
+refused 2 "--block = '0'" run A01 --block 0
+refused 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
+refused 2 "--error = '0'" run A01 --error 0
+refused 2 "--error = ''" run A01 --error ''
+refused 2 "--time = 'soon'" run A01 --time soon
+refused 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
+refused 2 "keep one" run A01 --error 0.1 --time 1s
+refused 2 "64 bits" run A01 --error 1e-300
+refused 2 "--levels = '1'" survey A01 --levels 1
+refused 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
+refused 2 "--points = '0'" tradeoff A01 --points 0
+refused 2 "a sweep is for" tradeoff A01 --estimator truncated
 refused 2 "--output" run A01 -o ''
 refused 2 "--output" run A01 -o -q
 refused 5 "'no/such/folder/file'" run A01 -o no/such/folder/file
@@ -102,7 +117,7 @@ A03'
 
 # ---- files, full disks and readers that have gone
 for command in 'list' 'list --json' 'run A01 --samples 100' 'replay A01 --seed 1 --sample 1' \
-  'validate A01 --samples 100' '--help' '--version'; do
+  'validate A01 --samples 100' 'survey A01 --samples 100' 'tradeoff A01 --samples 100' '--help' '--version'; do
   "$debias" $command > /dev/full 2> err
   check "exit code on a full disk: $command" same $? 5
   check "one line on a full disk: $command" same "$(lines err)" 1
@@ -155,7 +170,7 @@ check "another JSON for another seed" eval '! cmp -s one many'
 
 # value_of KEY: of a JSON text with one key per line, the first one
 value_of() { sed -n "s/^ *\"$1\": \(.*[^,]\),*\$/\1/p" | head -n 1; }
-for options in '' '--estimator independent_sum --law geometric:r=0.6' \
+for options in '' '--block 16 --law geometric:r=0.6' '--estimator independent_sum --law geometric:r=0.6' \
   '--estimator single_term_drawn --base-level 2'; do
   "$debias" run A01 $options --samples 5000 --seed 9 --json > run.json
   sed -n '/"largest"/,$p' run.json > largest
@@ -181,6 +196,36 @@ check "a single sample says so" has '"status": "one_sample"' out
 check "an explicit law runs where none is good" same $? 0
 check "and the verdict says so" has 'INFINITE' out
 
+# ---- recipes, goals, surveys and sweeps
+"$debias" run A10 --law auto --samples 1e5 --seed 4 --json > run.json 2> err
+check "a recipe runs" same $? 0
+check "a recipe says what it chose" has '"recipe": {' run.json
+for key in law estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
+sed -n '/"largest"/,$p' run.json > largest
+"$debias" replay A10 --estimator "$estimator" --law "$law" --base-level "$(value_of base_level < run.json)" \
+  --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
+check "the law of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
+"$debias" run A01 --error 0.001 --json > out
+check "a goal is met" same $? 0
+check "a goal says so" has '"met": true' out
+"$debias" run A01 --time 1e-9 > out 2> err
+check "exit code of a missed goal" same $? 3
+check "a missed goal prints its result" has 'NOT met' out
+check "one line on a missed goal" same "$(lines err)" 1
+"$debias" survey A10 --levels 6 --samples 1000 > out
+check "a survey ends in an answer" has 'exists: yes' out
+"$debias" tradeoff A10 --points 5 --samples 1000 > out 2> err
+check "a sweep has its best and its bound" eval 'grep -q "best of the family" out && grep -q "^bound" out'
+"$debias" tradeoff A10 --points 5 --samples 1000 --csv > out
+check "a sweep as CSV" same "$(lines out)" 6
+"$debias" survey A10 --levels 20 --samples 1e5 > out 2> err &
+process=$!
+sleep 2
+kill -INT $process 2> /dev/null
+wait $process
+check "exit code of an interrupted survey" same $? 130
+check "an interrupted survey prints what it has" has 'interrupted: [0-9]* of 20 levels' out
+
 "$debias" validate A01 A03 --samples 2e4 > out 2> err
 check "validation passes" same $? 0
 check "nothing on stderr of validate" same "$(lines err)" 0
@@ -194,7 +239,7 @@ for topic in problems estimators laws; do
   check "list $topic" [ "$(lines out)" -ge 4 -a "$(lines err)" -eq 0 ]
 done
 check "--version names the stream layout" eval '"$debias" --version | grep -q "stream layout [0-9]"'
-for command in '' list run replay validate; do
+for command in '' list run replay validate survey tradeoff; do
   check "debias $command --help" eval '"$debias" $command --help > out 2> err && [ "$(lines out)" -ge 5 ]'
 done
 
@@ -204,7 +249,9 @@ def refuse(word): raise ValueError(word)
 for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   json.loads(text, parse_constant=refuse)'
   for command in 'list' 'list estimators' 'list laws' 'run A01 --samples 1000' 'run A01 --samples 1' \
-    'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3'; do
+    'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3' 'survey B01 --samples 100' \
+    'survey A01 --samples 100' 'run A01 --law auto --samples 1e4' 'tradeoff A01 --samples 100' \
+    'tradeoff E06 --samples 100' 'tradeoff D03 --family zeta --samples 100'; do
     "$debias" $command --json > out
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err
   done

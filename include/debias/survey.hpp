@@ -31,6 +31,8 @@ namespace debias {
 enum class Answer { yes, no, cannot_tell };
 /// "yes", "no", "cannot tell".
 const char* name_of(Answer answer);
+/// "geometric", "polynomial", "exact zero", "super-exponential".
+const char* name_of(RateKind kind);
 
 /// What was measured of one level. Of a value with several components: means by norm, variances by sum.
 struct SurveyRow {
@@ -50,7 +52,7 @@ struct SurveyRow {
   double difference_work = 0;    ///< of a draw of D_k
   double value_work = 0;         ///< of a draw of I_k alone
   double seconds = 0;            ///< of a draw of both, on one thread or all
-  bool votes = false;            ///< draws >= 10 x kurtosis
+  bool votes = false;            ///< draws >= 10 x kurtosis, and not all of them zero
   bool fitted = false;           ///< takes part in the fitted rates
   std::vector<ComponentEstimate> values{};  ///< of I_k, by component
   std::vector<ComponentEstimate> coarse{};  ///< of its coarse partner, I_k - D_k

@@ -12,6 +12,7 @@
 #include <debias/estimators/independent_sum.hpp>
 #include <debias/estimators/roulette.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/estimators/stratified.hpp>
 #include <debias/estimators/truncated.hpp>
 
 #include "../catalog.hpp"
@@ -47,9 +48,11 @@ template <class Terms, BiasedSequence S, class Use>
 auto with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
   switch (c.method) {
     case Method::single_term:
-      return use(single_term(sequence, c.law, {.base_level = c.base_level}));
-    case Method::single_term_drawn:
-      return use(single_term(sequence, c.law, {.base_level = c.base_level, .base = Base::drawn}));
+    case Method::single_term_drawn: {
+      const Base base = c.method == Method::single_term ? Base::always : Base::drawn;
+      const auto member = single_term(sequence, c.law, {.base_level = c.base_level, .base = base});
+      return c.block > 1 ? use(stratified(member, c.block)) : use(member);
+    }
     case Method::independent_sum:
       return use(independent_sum(sequence, c.law, {.base_level = c.base_level}));
     case Method::roulette:
@@ -57,7 +60,8 @@ auto with_estimator(const S& sequence, const Terms& terms, const Choice& c, cons
         return use(roulette(terms, c.law, {.base_level = c.base_level}));
       } else {
         throw std::invalid_argument(
-            "roulette: this problem has levels, not terms in order (roulette needs a series); try independent_sum");
+            "roulette: this problem has levels, not terms in order (roulette needs a series); try "
+            "independent_sum");
       }
     case Method::truncated:
       break;
@@ -98,8 +102,7 @@ struct NoTerms {};
 
 /// A problem from a sequence that declares its rates; from a series, roulette applies too.
 template <class S>
-  requires DeclaresRates<S>
-Problem make(Facts facts, const S& sequence) {
+requires DeclaresRates<S> Problem make(Facts facts, const S& sequence) {
   if constexpr (BiasedSequence<S> && TermSequence<S>) {
     return detail::make(std::move(facts), sequence, sequence, sequence.rates);
   } else if constexpr (BiasedSequence<S>) {
@@ -119,7 +122,8 @@ Problem make(Facts facts, const S& sequence, const Rates& rates) {
 /// Gives a problem a method of its own: an estimator that needs neither law nor level from outside.
 template <Estimator E>
 void add(Problem& p, Special special, const E& e) {
-  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) -> Statistics {
+  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice,
+                                                              const Plan& plan) -> Statistics {
     if (choice.special == name) return estimate(e, plan);
     return others(choice, plan);
   };

@@ -14,6 +14,9 @@ namespace {
 
 constexpr auto largest_index = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
 constexpr std::uint64_t most_threads = 1024;
+constexpr std::int64_t default_samples = 1'000'000;
+constexpr std::uint64_t most_points = 10'000;
+constexpr std::uint64_t most_levels = 1 << 16;
 
 std::int64_t read_int64(const std::string& text, std::string_view name, std::uint64_t low) {
   return static_cast<std::int64_t>(parse_count(text, name, low, largest_index));
@@ -38,10 +41,51 @@ catalog::Method read_method(const std::string& text, const catalog::Problem& pro
 
 AnyPmf read_law(const std::string& text, const catalog::Problem& problem, catalog::Method method) {
   try {
-    return text == "auto" ? catalog::default_law(problem, method) : AnyPmf::parse(text);
+    return text == "declared" ? catalog::default_law(problem, method) : AnyPmf::parse(text);
   } catch (const std::invalid_argument& e) {
-    throw std::invalid_argument((text == "auto" ? "--law auto: " : "--law: ") + std::string(e.what()));
+    throw std::invalid_argument((text == "declared" ? "--law declared: " : "--law: ") +
+                                std::string(e.what()));
   }
+}
+
+bool is_single_term(catalog::Method method) {
+  return method == catalog::Method::single_term || method == catalog::Method::single_term_drawn;
+}
+
+std::int64_t read_base_level(const Arguments& arguments, const catalog::Problem& problem) {
+  return arguments.base_level == "auto" ? problem.lowest_base
+                                        : read_int64(arguments.base_level, "--base-level", 0);
+}
+
+std::int64_t read_block(const Arguments& arguments, catalog::Method method) {
+  const std::int64_t block = read_int64(arguments.block, "--block", 1);
+  if (block == 1 || is_single_term(method)) return block;
+  throw std::invalid_argument("--block = '" + arguments.block +
+                              "' (strata need a single term); leave it out");
+}
+
+double read_positive(const std::string& text, const char* name) {
+  const double x = parse_double(text, name);
+  if (x > 0) return x;
+  throw std::invalid_argument(std::string(name) + " = '" + text + "' (must be positive)");
+}
+
+Goal read_goal(const Arguments& arguments) {
+  Goal goal;
+  if (arguments.error != "none") goal.error = read_positive(arguments.error, "--error");
+  if (arguments.relative_error != "none") {
+    goal.relative_error = read_positive(arguments.relative_error, "--relative-error");
+  }
+  if (arguments.time != "none") {
+    const bool unit = !arguments.time.empty() && arguments.time.back() == 's';
+    goal.seconds =
+        read_positive(unit ? arguments.time.substr(0, arguments.time.size() - 1) : arguments.time, "--time");
+  }
+  if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
+    throw std::invalid_argument(
+        "--error, --relative-error, --time: more than one (each fixes the samples); keep one");
+  }
+  return goal;
 }
 
 std::uint64_t read_seed_or_random(const std::string& text) {
@@ -60,27 +104,64 @@ std::uint64_t read_seed_or_random(const std::string& text) {
 }  // namespace
 
 catalog::Choice read_choice(const Arguments& arguments, const catalog::Problem& problem) {
-  if (catalog::find_special(problem, arguments.estimator) != nullptr) {
-    if (arguments.law != "auto" || arguments.base_level != "auto") {
-      throw std::invalid_argument("--estimator = '" + arguments.estimator +
-                                  "' (has no law and no base level to choose); leave --law and --base-level out");
+  const std::string estimator = arguments.estimator.empty() ? "single_term" : arguments.estimator;
+  if (catalog::find_special(problem, estimator) != nullptr) {
+    if (arguments.law != "declared" || arguments.base_level != "auto" || arguments.block != "1") {
+      throw std::invalid_argument("--estimator = '" + estimator +
+                                  "' (has no law, base level or block to choose); leave them out");
     }
-    return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, arguments.estimator};
+    return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, estimator};
   }
-  const catalog::Method method = read_method(arguments.estimator, problem);
+  const catalog::Method method = read_method(estimator, problem);
   const bool takes_law = method != catalog::Method::truncated;
-  if (!takes_law && arguments.law != "auto") {
+  if (!takes_law && arguments.law != "declared") {
     throw std::invalid_argument("--law = '" + arguments.law + "' (truncated draws no level); leave it out");
   }
-  const std::int64_t base_level = arguments.base_level == "auto"
-                                      ? problem.lowest_base
-                                      : read_int64(arguments.base_level, "--base-level", 0);
-  return {method, takes_law ? read_law(arguments.law, problem, method) : AnyPmf(Geometric(0.5)), base_level};
+  return {method, takes_law ? read_law(arguments.law, problem, method) : AnyPmf(Geometric(0.5)),
+          read_base_level(arguments, problem), "", read_block(arguments, method)};
+}
+
+catalog::Choice read_shape(const Arguments& arguments, const catalog::Problem& problem) {
+  const catalog::Method method =
+      read_method(arguments.estimator.empty() ? "single_term" : arguments.estimator, problem);
+  if (!is_single_term(method)) {
+    throw std::invalid_argument("--estimator = '" + arguments.estimator +
+                                "' (a sweep is for single_term and single_term_drawn); leave it out");
+  }
+  return {method, AnyPmf(Geometric(0.5)), read_base_level(arguments, problem), "",
+          read_block(arguments, method)};
+}
+
+bool wants_recipe(const Arguments& arguments) { return arguments.law == "auto"; }
+
+RecipeOptions read_recipe(const Arguments& arguments, const catalog::Problem& problem) {
+  RecipeOptions options;
+  options.lowest_base = problem.lowest_base;
+  if (arguments.base_level != "auto")
+    options.base_level = read_int64(arguments.base_level, "--base-level", 0);
+  if (arguments.block != "1") {
+    throw std::invalid_argument("--block = '" + arguments.block + "' (--law auto chooses it); leave it out");
+  }
+  if (arguments.estimator.empty()) return options;
+  if (catalog::find_special(problem, arguments.estimator) != nullptr ||
+      !is_single_term(read_method(arguments.estimator, problem))) {
+    throw std::invalid_argument(
+        "--law auto: '" + arguments.estimator +
+        "' (a recipe is for single_term and single_term_drawn); leave --estimator out");
+  }
+  options.base =
+      read_method(arguments.estimator, problem) == catalog::Method::single_term ? Base::always : Base::drawn;
+  return options;
 }
 
 Plan read_plan(const Arguments& arguments) {
   Plan plan;
-  plan.samples = read_int64(arguments.samples, "--samples", 1);
+  plan.goal = read_goal(arguments);
+  if (plan.goal.asked() && arguments.samples != "auto") {
+    throw std::invalid_argument("--samples = '" + arguments.samples +
+                                "' (a goal fixes the samples); leave one out");
+  }
+  plan.samples = arguments.samples == "auto" ? default_samples : read_int64(arguments.samples, "--samples", 1);
   plan.seed = read_seed_or_random(arguments.seed);
   plan.threads = static_cast<int>(parse_count(arguments.threads, "--threads", 0, most_threads));
   return plan;
@@ -88,6 +169,14 @@ Plan read_plan(const Arguments& arguments) {
 
 std::uint64_t read_seed(const std::string& text) {
   return parse_count(text, "--seed", 0, std::numeric_limits<std::uint64_t>::max());
+}
+
+std::int64_t read_levels(const std::string& text) {
+  return static_cast<std::int64_t>(parse_count(text, "--levels", 2, most_levels));
+}
+
+std::int64_t read_points(const std::string& text) {
+  return static_cast<std::int64_t>(parse_count(text, "--points", 1, most_points));
 }
 
 std::int64_t read_sample(const std::string& text) { return read_int64(text, "--sample", 0); }

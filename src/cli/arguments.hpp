@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/recipe.hpp>
 
 #include "../catalog.hpp"
 
@@ -18,27 +19,45 @@ struct Arguments {
   std::string topic = "problems";
   std::string problem;
   std::vector<std::string> problems;
-  std::string estimator = "single_term";
-  std::string law = "auto";
+  std::string estimator;
+  std::string law = "declared";
   std::string base_level = "auto";
-  std::string samples;
+  std::string block = "1";
+  std::string samples = "auto";
+  std::string error = "none";
+  std::string relative_error = "none";
+  std::string time = "none";
+  std::string levels;
+  std::string family = "geometric";
+  std::string points = "15";
   std::string sample;
   std::string seed = "1";
   std::string threads = "0";
   std::string confidence = "0.95";
   std::string output;
   bool json = false;
+  bool csv = false;
   bool quiet = false;
 };
 
 // All of these throw std::invalid_argument that names the argument, what is wrong with it and a near miss.
 
-/// The estimator, law and base level for a problem. The law `auto` is the one that its rates ask for.
+/// The estimator, law, base level and block for a problem. The law `declared` is the one that its declared rates ask
+/// for; `auto` is none yet, see read_recipe.
 catalog::Choice read_choice(const Arguments& arguments, const catalog::Problem& problem);
 
-/// Samples, seed and threads. The seed `random` is drawn here; every result names the seed that it used.
+/// The same for a sweep over laws: single terms only, and no law.
+catalog::Choice read_shape(const Arguments& arguments, const catalog::Problem& problem);
+
+/// What the words leave to a recipe: `--law auto`.
+bool wants_recipe(const Arguments& arguments);
+RecipeOptions read_recipe(const Arguments& arguments, const catalog::Problem& problem);
+
+/// Samples or a goal, seed and threads. The seed `random` is drawn here; every result names the seed that it used.
 Plan read_plan(const Arguments& arguments);
 
+std::int64_t read_levels(const std::string& text);
+std::int64_t read_points(const std::string& text);
 std::uint64_t read_seed(const std::string& text);
 std::int64_t read_sample(const std::string& text);
 double read_confidence(const std::string& text);

@@ -3,10 +3,14 @@
 // The commands of the program; each returns its exit code. What they throw is turned into one in main.cpp.
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include <debias/core/estimate.hpp>
 #include <debias/diagnostics.hpp>
+#include <debias/recipe.hpp>
+#include <debias/survey.hpp>
 
 #include "../catalog.hpp"
 #include "../catalog/validation.hpp"
@@ -18,11 +22,14 @@ int list(const Arguments& arguments);
 int run(const Arguments& arguments);
 int replay(const Arguments& arguments);
 int validate(const Arguments& arguments);
+int survey(const Arguments& arguments);
+int tradeoff(const Arguments& arguments);
 
 /// All that `run` has to say.
 struct Run {
   const catalog::Problem* problem;
   catalog::Choice choice;
+  std::optional<Advice> advice;  ///< that the choice follows
   Statistics statistics;
   Interval interval;
   Verdict verdict;
@@ -44,6 +51,36 @@ struct Validation {
   std::int64_t samples;
   std::uint64_t seed;
   double seconds;
+};
+
+/// One law of a sweep.
+struct TradeoffPoint {
+  AnyPmf law;
+  MeasuredVerdict verdict;
+  VarianceAndWork predicted;  ///< of one member
+  bool measured = false;      ///< not where the work is infinite, or may be
+  double variance = 0;        ///< of one member, measured
+  double work = 0;
+  double efficiency = 0;
+};
+
+/// All that `tradeoff` has to say.
+struct Tradeoff {
+  const catalog::Problem* problem = nullptr;
+  Survey survey;
+  Setup setup;
+  std::int64_t samples = 0;
+  std::vector<TradeoffPoint> points;
+  std::size_t best = 0;  ///< of the points; their number where none is finite
+  double optimum = 0;
+  double bound = 0;
+};
+
+/// All that `survey` has to say.
+struct SurveyOf {
+  const catalog::Problem* problem;
+  std::int64_t samples;  ///< draws of each level
+  Survey survey;
 };
 
 /// The cells that were not judged.

@@ -30,7 +30,8 @@ Json chosen(const catalog::Problem& problem, const catalog::Choice& choice) {
           {"id", problem.id},
           {"estimator", catalog::name_of(choice)},
           {"law", law_json(choice)},
-          {"base_level", choice.base_level}};
+          {"base_level", choice.base_level},
+          {"block", choice.block}};
 }
 
 void add_versions(Json& json) {
@@ -48,6 +49,38 @@ Json level_json(const LevelRow& row) {
           {"second_moment", number(row.second_moment)},
           {"fourth_moment", number(row.fourth_moment)},
           {"work", number(row.work)}};
+}
+
+Json rate_json(const FittedRate& r) { return {{"value", number(r.value)}, {"error", number(r.error)}}; }
+
+// A null value: faster than any rate, as `kind` says, or not known.
+Json rates_json(const MeasuredRates& r) {
+  return {{"kind", name_of(r.kind)},
+          {"mean", rate_json(r.mean)},
+          {"variance", rate_json(r.variance)},
+          {"fourth", rate_json(r.fourth)},
+          {"work", rate_json(r.work)}};
+}
+
+Json goal_json(const Statistics& s) {
+  const Goal& g = s.goal;
+  if (!g.asked()) return "samples";
+  const char* name = g.error > 0 ? "error" : (g.relative_error > 0 ? "relative_error" : "seconds");
+  return {{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
+}
+
+Json advice_json(const Advice& a) {
+  return {{"members", a.members},
+          {"shares_base", a.shares_base},
+          {"predicted_variance", number(a.predicted.variance)},
+          {"predicted_work", number(a.predicted.work)},
+          {"bound", number(a.bound)},
+          {"highest_moment", number(a.highest_moment)},
+          {"pilot_work", number(a.pilot_work)},
+          {"law_exists", name_of(a.survey.law_exists)},
+          {"rates", rates_json(a.survey.rates)},
+          {"sentences", a.sentences},
+          {"remarks", a.survey.remarks}};
 }
 
 // For people and for diff: one line per entry of a list.
@@ -116,7 +149,8 @@ std::string run_json(const Run& run) {
                      {"sentence", run.verdict.sentence}};
   json["warnings"] = s.warnings;
   json["nonfinite"] = s.nonfinite;
-  json["goal"] = "samples";
+  json["goal"] = goal_json(s);
+  json["recipe"] = run.advice ? advice_json(*run.advice) : Json(nullptr);
   json["status"] = status_of(s);
   json["levels"] = Json::array();
   for (const LevelRow& row : s.levels) json["levels"].push_back(level_json(row));
@@ -147,6 +181,74 @@ std::string replay_json(const Replay& replay) {
                               {"work", number(l.work)}});
   }
   json["status"] = std::isfinite(sample.value) ? "ok" : "nonfinite";
+  add_versions(json);
+  return pretty(json);
+}
+
+std::string tradeoff_json(const Tradeoff& t) {
+  Json json = {{"problem", t.problem->name},
+               {"id", t.problem->id},
+               {"samples", t.samples},
+               {"seed", t.survey.seed},
+               {"base_level", t.setup.base_level},
+               {"base", t.setup.base == Base::drawn ? "drawn" : "always"},
+               {"block", t.setup.block},
+               {"rates", rates_json(t.survey.rates)},
+               {"law_exists", name_of(t.survey.law_exists)},
+               {"optimum", number(t.optimum)},
+               {"bound", number(t.bound)},
+               {"best", t.best < t.points.size() ? Json(t.points[t.best].law.spec()) : Json(nullptr)}};
+  json["points"] = Json::array();
+  for (const TradeoffPoint& p : t.points) {
+    const bool finite_variance = p.verdict.variance != Finiteness::infinite;
+    const bool finite_work = p.verdict.work != Finiteness::infinite;
+    const auto figure = [](bool known, double x) { return known ? number(x) : Json(nullptr); };
+    json["points"].push_back({{"law", p.law.spec()},
+                              {"exponent", number(p.law.tail_exponent().exponent)},
+                              {"predicted_variance", figure(finite_variance, p.predicted.variance)},
+                              {"measured_variance", figure(p.measured, p.variance)},
+                              {"predicted_work", figure(finite_work, p.predicted.work)},
+                              {"measured_work", figure(p.measured, p.work)},
+                              {"efficiency", figure(p.measured, p.efficiency)},
+                              {"tail_index", number(p.verdict.tail_index)},
+                              {"variance", name_of(p.verdict.variance)},
+                              {"work", name_of(p.verdict.work)},
+                              {"fourth_moment", name_of(p.verdict.fourth_moment)}});
+  }
+  add_versions(json);
+  return pretty(json);
+}
+
+std::string survey_json(const SurveyOf& s) {
+  const Survey& survey = s.survey;
+  Json json = {
+      {"problem", s.problem->name}, {"id", s.problem->id}, {"samples", s.samples}, {"seed", survey.seed}};
+  json["rates"] = rates_json(survey.rates);
+  json["law_exists"] = name_of(survey.law_exists);
+  json["remarks"] = survey.remarks;
+  json["work"] = number(survey.work);
+  json["seconds"] = survey.seconds;
+  json["levels"] = Json::array();
+  for (const SurveyRow& r : survey.rows) {
+    json["levels"].push_back({{"level", r.level},
+                              {"draws", r.draws},
+                              {"mean", number(r.mean)},
+                              {"mean_error", number(r.mean_error)},
+                              {"variance", number(r.variance)},
+                              {"difference", number(r.difference)},
+                              {"difference_error", number(r.difference_error)},
+                              {"difference_variance", number(r.difference_variance)},
+                              {"second_moment", number(r.second_moment)},
+                              {"second_moment_error", number(r.second_moment_error)},
+                              {"kurtosis", number(r.kurtosis)},
+                              {"nonzero", number(r.nonzero)},
+                              {"consistency", number(r.consistency)},
+                              {"value_work", number(r.value_work)},
+                              {"difference_work", number(r.difference_work)},
+                              {"seconds", r.seconds},
+                              {"votes", r.votes},
+                              {"fitted", r.fitted}});
+  }
   add_versions(json);
   return pretty(json);
 }

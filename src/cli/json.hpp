@@ -17,6 +17,8 @@ std::string estimators_json();
 std::string laws_json();
 std::string run_json(const Run& run);
 std::string replay_json(const Replay& replay);
+std::string tradeoff_json(const Tradeoff& tradeoff);
+std::string survey_json(const SurveyOf& survey);
 /// One line each.
 std::string cell_json(const catalog::Cell& cell);
 std::string summary_json(const Validation& validation);

@@ -47,17 +47,28 @@ std::string version_text() {
 
 void add_choice(CLI::App& app, Arguments& a) {
   app.add_option("PROBLEM", a.problem, "Id or name, see `debias list`")->required();
-  app.add_option("--estimator", a.estimator, "See `debias list estimators`")->type_name("NAME");
+  app.add_option("--estimator", a.estimator, "See `debias list estimators`; single_term when there is none")
+      ->type_name("NAME");
   app.add_option("--law", a.law, "Law of the random level, see `debias list laws`")->type_name("LAW");
+  app.add_option("--block", a.block, "Members of a block of systematic strata, which is one sample")
+      ->type_name("N");
   app.add_option("--base-level", a.base_level, "Lowest level m; auto is the lowest that behaves")
       ->type_name("M");
 }
 
 void add_plan(CLI::App& app, Arguments& a) {
-  app.add_option("--samples", a.samples, "Samples, of each cell for validate")->type_name("N");
+  app.add_option("--samples", a.samples,
+                 "Samples, of each cell for validate, of each level for survey; 1e6 for run")
+      ->type_name("N");
   app.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
   app.add_option("--threads", a.threads, "0 takes all cores; the result does not depend on it")
       ->type_name("T");
+}
+
+void add_goal(CLI::App& app, Arguments& a) {
+  app.add_option("--error", a.error, "As many samples as this standard error takes")->type_name("X");
+  app.add_option("--relative-error", a.relative_error, "The same, in units of the mean")->type_name("X");
+  app.add_option("--time", a.time, "As many samples as this time takes, 10s")->type_name("T");
 }
 
 void add_output(CLI::App& app, Arguments& a) {
@@ -103,7 +114,8 @@ const Command& chosen(const CLI::App& app, const std::vector<Command>& commands)
   for (const Command& command : commands) {
     if (command.app->parsed()) return command;
   }
-  throw std::invalid_argument("no command; write list, run, replay or validate, or see `debias --help`");
+  throw std::invalid_argument(
+      "no command; write list, run, replay, validate, survey or tradeoff, or see `debias --help`");
 }
 
 int dispatch(int argc, char** argv) {
@@ -113,10 +125,10 @@ int dispatch(int argc, char** argv) {
   app.set_version_flag("--version", version_text(),
                        "Print the versions of program and stream layout, and the compiler");
   app.footer(
-      "Exit codes: 0 done, 1 internal error, 2 bad usage, 4 validation failed, 5 file error,\n"
-      "6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
+      "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
+      "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Command> commands(4);  // options point into it
+  std::vector<Command> commands(6);  // options point into it
   const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
                        const char* description, const char* examples) -> CLI::App& {
     commands[i].app = app.add_subcommand(name, description);
@@ -134,10 +146,11 @@ int dispatch(int argc, char** argv) {
       add(1, "run", run, "Estimate one problem",
           "  debias run A01\n"
           "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+          "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
           "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
-  commands[1].arguments.samples = "1e6";
   add_choice(run_app, commands[1].arguments);
   add_plan(run_app, commands[1].arguments);
+  add_goal(run_app, commands[1].arguments);
   run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
   add_output(run_app, commands[1].arguments);
 
@@ -159,6 +172,37 @@ int dispatch(int argc, char** argv) {
   validate_app.add_option("PROBLEM", commands[3].arguments.problems, "Ids or names; all when there is none");
   add_plan(validate_app, commands[3].arguments);
   add_output(validate_app, commands[3].arguments);
+
+  CLI::App& survey_app = add(4, "survey", debias::cli::survey,
+                             "Measure the levels of a problem: decay, growth, and whether a law exists",
+                             "  debias survey A01\n"
+                             "  debias survey A01 --levels 12 --samples 1e5 --json");
+  Arguments& surveyed = commands[4].arguments;
+  surveyed.samples = "1e4";
+  surveyed.levels = "10";
+  survey_app.add_option("PROBLEM", surveyed.problem, "Id or name, see `debias list`")->required();
+  survey_app.add_option("--levels", surveyed.levels, "Levels 0 to L - 1")->type_name("L");
+  add_plan(survey_app, surveyed);
+  add_output(survey_app, surveyed);
+
+  CLI::App& tradeoff_app =
+      add(5, "tradeoff", tradeoff, "Sweep the law of a problem: variance against work",
+          "  debias tradeoff A10\n"
+          "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
+  Arguments& swept = commands[5].arguments;
+  swept.samples = "1e5";
+  tradeoff_app.add_option("PROBLEM", swept.problem, "Id or name, see `debias list`")->required();
+  tradeoff_app.add_option("--family", swept.family, "geometric, zeta or poisson")->type_name("NAME");
+  tradeoff_app.add_option("--points", swept.points, "Laws to try")->type_name("K");
+  tradeoff_app.add_option("--estimator", swept.estimator, "single_term or single_term_drawn")
+      ->type_name("NAME");
+  tradeoff_app
+      .add_option("--base-level", swept.base_level, "Lowest level m; auto is the lowest that behaves")
+      ->type_name("M");
+  tradeoff_app.add_option("--block", swept.block, "Members of a block of systematic strata")->type_name("N");
+  tradeoff_app.add_flag("--csv", swept.csv, "Comma-separated values instead of a text");
+  add_plan(tradeoff_app, swept);
+  add_output(tradeoff_app, swept);
 
   for (Command& command : commands) {
     if (command.execute != validate) {

@@ -18,6 +18,7 @@ enum ExitCode : int {
   done = 0,
   internal_error = 1,
   bad_usage = 2,
+  goal_missed = 3,
   validation_failed = 4,
   file_error = 5,
   nonfinite_samples = 6,

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,10 @@ namespace debias::cli {
 
 int replay(const Arguments& arguments) {
   const catalog::Problem& problem = catalog::find(arguments.problem);
+  if (wants_recipe(arguments)) {
+    throw std::invalid_argument(
+        "--law auto (a replay needs the law itself); give the one that the run has printed");
+  }
   const catalog::Choice choice = read_choice(arguments, problem);
   const std::uint64_t seed = read_seed(arguments.seed);
   const std::int64_t index = read_sample(arguments.sample);

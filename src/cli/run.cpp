@@ -14,7 +14,8 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
     Verdict v;
     v.finite_variance = true;
     v.finite_work = true;
-    v.sentence = special->reason.empty() ? special->description : special->description + "; " + special->reason;
+    v.sentence =
+        special->reason.empty() ? special->description : special->description + "; " + special->reason;
     return v;
   }
   if (choice.method != catalog::Method::truncated) {
@@ -45,7 +46,14 @@ void print(std::ostream& out, const Run& run) {
                    std::to_string(l.level) + ")");
   }
   print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
-  print_line(out, "verdict", run.verdict.sentence);
+  print_line(out, "declared", run.verdict.sentence);
+  if (!run.advice) return;
+  out << *run.advice;
+  const catalog::Choice& c = run.choice;
+  print_line(out, "replay",
+             "debias replay " + run.problem->id + " --estimator " + std::string(name_of(c)) + " --law '" +
+                 c.law.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
+                 std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
 }
 
 }  // namespace
@@ -56,24 +64,42 @@ std::string law_text(const catalog::Choice& choice) {
 
 int run(const Arguments& arguments) {
   const catalog::Problem& problem = catalog::find(arguments.problem);
-  const catalog::Choice choice = read_choice(arguments, problem);
+  const bool by_recipe = wants_recipe(arguments);
+  catalog::Choice choice;
+  RecipeOptions options;
+  by_recipe ? void(options = read_recipe(arguments, problem))
+            : void(choice = read_choice(arguments, problem));
   const double confidence = read_confidence(arguments.confidence);
   Plan plan = read_plan(arguments);
-  const Verdict verdict = verdict_of(problem, choice);
   Output out(arguments.output);
 
-  if (!verdict.finite_work && !arguments.quiet) complain("warning: " + verdict.sentence);
   Progress progress(arguments.quiet);
-  const auto total = static_cast<double>(plan.samples);
+  double total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   plan.progress = [&](std::int64_t finished) {
     const auto count = static_cast<double>(finished);
     if (progress.due()) {
-      progress.show(problem.id + ": " + rounded(count) + " of " + rounded(total) + " samples, " +
-                    share_of(count, total, progress.seconds()));
+      progress.show(problem.id + ": " + rounded(count) +
+                    (total > 0
+                         ? " of " + rounded(total) + " samples, " + share_of(count, total, progress.seconds())
+                         : " samples"));
     }
     return !interrupted();
   };
+  std::optional<Advice> advice;
+  const Goal goal = plan.goal;
+  if (by_recipe) {
+    total = 0;
+    advice = advise(problem.levels, plan, options);
+    choice = {
+        advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
+        advice->law, advice->base_level, "", advice->block};
+    plan = detail::plan_of(plan, *advice);
+    total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
+  }
+  const Verdict verdict = verdict_of(problem, choice);
+  if (!verdict.finite_work && !arguments.quiet) complain("warning: " + verdict.sentence);
   Statistics statistics = problem.run(choice, plan);
+  if (advice) detail::follow(statistics, *advice, goal);
   progress.erase();
   if (choice.base_level < problem.lowest_base) {
     statistics.warnings.push_back(
@@ -83,7 +109,7 @@ int run(const Arguments& arguments) {
   const Interval interval = statistics.interval(confidence);
   const double z = (statistics.components.front().mean - problem.truth) /
                    catalog::believed_error(statistics, problem.truth);
-  const Run result{&problem, choice, std::move(statistics), interval, verdict, z};
+  const Run result{&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
 
   if (arguments.json) {
     out.stream() << run_json(result) << '\n';
@@ -99,7 +125,11 @@ int run(const Arguments& arguments) {
                      << ", z = " << rounded(z, 3) << ", " << s.samples << " samples, seed " << s.seed << '\n';
     summary.flush();
   }
-  if (s.nonfinite == 0) return done;
+  if (s.nonfinite == 0 && s.goal_met()) return done;
+  if (s.nonfinite == 0) {
+    complain("the goal is missed: the pilot saw less variance, or faster samples, than the run");
+    return goal_missed;
+  }
   complain(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
            " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
            std::to_string(s.first_nonfinite));

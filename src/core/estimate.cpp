@@ -101,8 +101,8 @@ void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
   if (s.nonfinite > 0) {
     s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
-                         ", sample " + std::to_string(s.first_nonfinite) + ".");
+                         " samples are not finite, so the mean is not a number; replay the first: seed " +
+                         seed + ", sample " + std::to_string(s.first_nonfinite) + ".");
     return;
   }
   if (s.samples < 2) {
@@ -115,10 +115,11 @@ void add_warnings(Statistics& s) {
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
   const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
   if (s.samples >= 100 && share > 0.1) {
-    s.warnings.push_back("one sample carries " + percent(share) +
-                         " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
-                         seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
-                         std::to_string(s.largest.front().level) + ".");
+    s.warnings.push_back(
+        "one sample carries " + percent(share) +
+        " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " + seed +
+        ", sample " + std::to_string(s.largest.front().index) + ", level " +
+        std::to_string(s.largest.front().level) + ".");
   } else if (doubt > 0.1) {
     s.warnings.push_back("the standard error is itself uncertain by " + percent(doubt) +
                          " (threshold 10 %), more often too small than too large; run more samples.");
@@ -131,9 +132,10 @@ namespace detail {
 
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   const auto report = [&](const std::string& what) {
-    std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " + std::to_string(seed) +
-                                           " threw: " + what + "; replay it alone with trace(estimator, " +
-                                           std::to_string(seed) + ", " + std::to_string(index) + ")",
+    std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " +
+                                           std::to_string(seed) + " threw: " + what +
+                                           "; replay it alone with trace(estimator, " + std::to_string(seed) +
+                                           ", " + std::to_string(index) + ")",
                                        seed, index));
   };
   try {
@@ -197,7 +199,8 @@ Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body) {
     state.extremes.merge(recorder.extremes());
   };
 
-  const unsigned wanted = plan.threads > 0 ? static_cast<unsigned>(plan.threads) : std::thread::hardware_concurrency();
+  const unsigned wanted =
+      plan.threads > 0 ? static_cast<unsigned>(plan.threads) : std::thread::hardware_concurrency();
   const auto threads = std::clamp<std::int64_t>(wanted, 1, std::min<std::int64_t>(chunks.count(), 1024));
   {
     std::vector<std::jthread> helpers;
@@ -217,6 +220,65 @@ Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body) {
   Statistics statistics = finish(std::move(estimator), plan.seed, seconds.count(), std::move(state));
   add_warnings(statistics);
   return statistics;
+}
+
+void check_goal(const Goal& goal) {
+  int wishes = 0;
+  for (const auto& [name, value] :
+       {std::pair("error", goal.error), {"relative_error", goal.relative_error}, {"seconds", goal.seconds}}) {
+    if (value == 0) continue;
+    ++wishes;
+    if (value > 0 && std::isfinite(value)) continue;
+    throw std::invalid_argument("Goal: " + std::string(name) + " = " + std::to_string(value) +
+                                " (must be positive and finite)");
+  }
+  if (wishes > 1)
+    throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
+}
+
+namespace {
+
+// The samples that a pilot asks for.
+double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
+  if (goal.seconds > 0) {
+    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
+  }
+  const auto n = static_cast<double>(pilot.samples);
+  const double doubt = std::sqrt(std::max(pilot.moments.kurtosis() - 1, 0.0) / n);  // of the variance
+  const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
+  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * pilot.size());
+  if (variance == 0) return 2;
+  return variance / (error * error);
+}
+
+}  // namespace
+
+Plan plan_for_goal(const Plan& plan, const ChunkBody& body, double& seconds) {
+  constexpr double pilot_share = 1.0 / 16;  // of the run
+  constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
+  check_goal(plan.goal);
+  Plan pilot = plan;
+  pilot.samples = plan.goal.seconds > 0 ? 64 : 1024;
+  for (;;) {
+    const Statistics s = run(pilot, "pilot", body);
+    seconds += s.seconds;
+    const double wanted = wanted_samples(plan.goal, s, seconds);
+    if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
+      pilot.samples = s.samples;
+      return pilot;
+    }
+    // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
+    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
+    if (next < 4 * static_cast<double>(pilot.samples)) {
+      if (!(wanted < 0x1p62)) {
+        throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) +
+                                    " samples (does not fit 64 bits)");
+      }
+      pilot.samples = std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted)));
+      return pilot;
+    }
+    pilot.samples = static_cast<std::int64_t>(next);
+  }
 }
 
 Statistics merge(const Statistics& a, const Statistics& b) {

@@ -75,6 +75,24 @@ Interval Statistics::interval(double confidence, std::size_t component) const {
   return {c.mean - half_width, c.mean + half_width, confidence};
 }
 
+double Statistics::total_error() const {
+  double square = 0;
+  for (const ComponentEstimate& c : components) square += c.standard_error * c.standard_error;
+  return std::sqrt(square);
+}
+
+double Statistics::size() const {
+  double square = 0;
+  for (const ComponentEstimate& c : components) square += c.mean * c.mean;
+  return std::sqrt(square);
+}
+
+bool Statistics::goal_met() const {
+  if (goal.error > 0) return total_error() <= goal.error;
+  if (goal.relative_error > 0) return total_error() <= goal.relative_error * size();
+  return goal.seconds == 0 || pilot_seconds + seconds <= goal.seconds;
+}
+
 double Statistics::efficiency() const {
   double variance = 0;
   for (const ComponentEstimate& c : components) variance += c.variance;
@@ -126,15 +144,31 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     const ComponentEstimate& c = s.components[i];
     const Interval interval = s.interval(0.95, i);
     line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
-                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt);
+                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" +
+                                   doubt);
   }
-  if (s.bias_bound.size > 0) line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
+  if (s.bias_bound.size > 0)
+    line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
   line("estimator", s.estimator);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
   line("work", format("%.4g", s.work) + " (" + format("%.4g", s.work_per_sample()) + " per sample)");
   line("seconds", format("%.3g", s.seconds));
   line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample)");
+  if (s.goal.asked()) {
+    const Goal& g = s.goal;
+    const std::string outcome = s.goal_met() ? ": met, " : ": NOT met, ";
+    if (g.error > 0)
+      line("goal", "standard error " + format("%g", g.error) + outcome + format("%.3g", s.total_error()));
+    if (g.relative_error > 0) {
+      line("goal", "relative error " + format("%g", g.relative_error) + outcome +
+                       format("%.3g", s.total_error() / s.size()));
+    }
+    if (g.seconds > 0) {
+      line("goal",
+           format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));
+    }
+  }
   for (const std::string& warning : s.warnings) line("warning", warning);
   if (!has_verdict) return out;
   const char* name = "verdict";

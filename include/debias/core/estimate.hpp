@@ -27,25 +27,38 @@ namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
 Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body);
+/// The plan with the samples that its goal asks for; adds the time that finding out took.
+Plan plan_for_goal(const Plan& plan, const ChunkBody& pilot, double& seconds);
+void check_goal(const Goal& goal);
 Statistics merge(const Statistics& a, const Statistics& b);
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
-/// Runs the estimator over the samples of the plan.
+/// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
 /// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
 /// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop.
 /// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
 template <Estimator E>
 Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
   using V = estimate_value_t<E>;
-  Statistics statistics =
-      detail::run(plan, description(estimator),
-                  [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-                    for (std::int64_t i = first; i < last; ++i) {
-                      Stream rng(plan.seed, static_cast<std::uint64_t>(i));
-                      recorder.add(draw_sample(estimator, rng, recorder));
-                    }
-                  });
+  bool pilot = false;
+  const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
+    for (std::int64_t i = first; i < last; ++i) {
+      Stream rng(plan.seed, static_cast<std::uint64_t>(i));
+      if (pilot) rng = split(rng, Branch::pilot);
+      recorder.add(draw_sample(estimator, rng, recorder));
+    }
+  };
+  double pilot_seconds = 0;
+  Plan fixed = plan;
+  if (plan.goal.asked()) {
+    pilot = true;
+    fixed = detail::plan_for_goal(plan, body, pilot_seconds);
+    pilot = false;
+  }
+  Statistics statistics = detail::run(fixed, description(estimator), body);
+  statistics.goal = plan.goal;
+  statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
     for (LevelRow& row : statistics.levels) {

@@ -23,6 +23,19 @@
 
 namespace debias {
 
+/// A wish that a pilot, on streams of its own, turns into a number of samples before the run starts: at most one of
+/// the three. A run that stopped when its error looks small would stop just before the rare large sample.
+struct Goal {
+  double error = 0;           ///< standard error; its norm, for a value with several components
+  double relative_error = 0;  ///< the same, in units of the mean
+  double seconds = 0;         ///< of pilot and run together
+
+  /// Aimed at, in units of the wish, so that noise does not miss it.
+  static constexpr double aim = 0.95;
+
+  [[nodiscard]] bool asked() const { return error != 0 || relative_error != 0 || seconds != 0; }
+};
+
 /// Which samples to run: [first, first + samples) of `seed`. Threads change nothing but the time.
 struct Plan {
   std::int64_t samples = std::int64_t{1} << 16;
@@ -31,6 +44,7 @@ struct Plan {
   int threads = 0;  ///< 0: as many as the machine has
   /// Called on the calling thread with the number of finished samples; return false to give up (Interrupted).
   std::function<bool(std::int64_t done)> progress = {};
+  Goal goal = {};  ///< takes the place of `samples` where one is asked for
 };
 
 /// Thrown when Plan::progress asks to stop: a part of a run whose end depended on the clock is not a result.
@@ -126,10 +140,18 @@ struct Statistics {
   std::int64_t first_nonfinite = -1;
   BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
   std::vector<std::string> warnings;
+  Goal goal;                 ///< that was asked for
+  double pilot_seconds = 0;  ///< of the pilot that it took
   RunState state;
 
   /// Two-sided normal interval. Throws std::invalid_argument unless 0 < confidence < 1.
   [[nodiscard]] Interval interval(double confidence = 0.95, std::size_t component = 0) const;
+  /// Standard error of the mean; its norm, for a value with several components.
+  [[nodiscard]] double total_error() const;
+  /// Norm of the mean.
+  [[nodiscard]] double size() const;
+  /// False when a goal was asked for and missed.
+  [[nodiscard]] bool goal_met() const;
   /// 1 / (variance x seconds per sample), with the sum of the variances of all components; infinite for an
   /// estimator without variance.
   [[nodiscard]] double efficiency() const;

@@ -1,0 +1,70 @@
+#pragma once
+
+// Multilevel Monte Carlo, the biased baseline that everyone knows: fixed levels 0 ... L, as many draws of each as a
+// target error asks for, and one more level as long as the remaining bias is too large.
+//
+//   estimate = sum_l mean(D_l),  N_l = sqrt(V_l / C_l) sum_k sqrt(V_k C_k) / ((1 - s) error^2)
+//   bias     = max over the last three levels of |mean D_(L-k)| 2^(-alpha k) / (2^alpha - 1) <= sqrt(s) error
+//
+//   Notation: V = variance, C = work of a draw of D_l; s = bias_share; alpha, beta = decay of |E D_l| and V_l.
+// alpha and beta come from a regression over the levels, at least 1/2; V_l and |mean D_l| never fall below half of
+// what they predict from the level above. The error is a promise on the root mean square, if the extrapolated bias
+// is right: it knows nothing of levels that it has not seen. The estimator of choice where beta <= gamma.
+// Source: Giles, Acta Numerica 24 (2015), with the constants of its reference driver.
+
+#include <cstdint>
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/survey.hpp>
+
+namespace debias {
+
+struct MultilevelOptions {
+  double bias_share = 0.25;         ///< of the squared error
+  std::int64_t first_draws = 1000;  ///< of a new level
+  std::int64_t most_levels = 24;
+};
+
+/// One level of a finished run.
+struct MultilevelRow {
+  std::int64_t level = 0;
+  std::int64_t draws = 0;
+  double difference = 0;  ///< mean D_l; by norm, for a value with several components
+  double variance = 0;    ///< of D_l; the sum over components
+  double work = 0;        ///< of a draw
+};
+
+struct MultilevelStatistics {
+  std::vector<ComponentEstimate> components;  ///< mean and standard error; no variance of one sample
+  double goal = 0;                            ///< the error that was asked for
+  double bias = 0;                            ///< estimated size of what is left out
+  bool converged = false;                     ///< false: most_levels are not enough
+  double alpha = 0;
+  double beta = 0;
+  double work = 0;
+  double seconds = 0;
+  std::uint64_t seed = 0;
+  std::vector<MultilevelRow> rows;
+
+  /// Root of variance and squared bias together; its norm, for several components.
+  [[nodiscard]] double error() const;
+};
+
+std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& statistics);
+
+/// A root mean square error of `error`, by draws from the pilot streams of plan.seed; plan.samples is not used.
+/// Throws std::invalid_argument unless error and options are positive, and what the sequence throws (SampleError).
+MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan& plan = {},
+                                const MultilevelOptions& options = {});
+
+template <BiasedSequence S>
+MultilevelStatistics multilevel(const S& sequence, double error, const Plan& plan = {},
+                                const MultilevelOptions& options = {}) {
+  return multilevel(level_runs(sequence), error, plan, options);
+}
+
+}  // namespace debias

@@ -1,0 +1,151 @@
+#pragma once
+
+// From a sequence and nothing else to the best unbiased estimator for it, or a clear no.
+//
+//   auto result = estimate(recipe(sequence), {.samples = 1'000'000});
+//
+//   pilot (survey) -> moments of the levels -> base level, base form, law, strata -> run
+//   variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m   [bound]
+//
+//   Notation: m = base level, p = law, members = samples of the single-term estimator; a block of them is one sample.
+// The pilot draws from streams of its own, so the run knows nothing of it. Levels that the pilot has hardly seen get
+// the mass that the fitted decay asks for, never less: a law that follows a few zeros gives a confident wrong answer.
+// Throws where no law has finite variance and finite work. Fails where the levels that the pilot reached are not
+// yet typical of the deeper ones; the answer "cannot tell" is then a warning of the result.
+// Sources: Rhee & Glynn, Oper. Res. 63 (2015), the law; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
+
+#include <cmath>
+#include <cstdint>
+#include <iosfwd>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/estimators/stratified.hpp>
+#include <debias/pmf/any.hpp>
+#include <debias/pmf/fitted.hpp>
+#include <debias/survey.hpp>
+
+namespace debias {
+
+/// Moments of level after level: the measured ones, smoothed by the fitted decay, and the deeper ones that it
+/// predicts. Level 0 is the value I_0.
+struct LevelModel {
+  std::vector<double> variance;     ///< Var D_k
+  std::vector<double> mean_square;  ///< (E D_k)^2
+  std::vector<double> work;         ///< of D_k alone
+
+  [[nodiscard]] std::size_t size() const { return work.size(); }
+};
+
+/// The first `levels` levels, whether the survey has seen them or not.
+LevelModel model_of(const Survey& survey, std::int64_t levels);
+
+/// A single-term estimator, but for its law.
+struct Setup {
+  std::int64_t base_level = 0;
+  Base base = Base::drawn;
+  std::int64_t block = 1;
+};
+
+/// What its law is chosen for, one entry for each outcome that the model has. A shared base is measured, in this
+/// share of the draws of the survey; their work is added.
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
+                         const Setup& setup, const Plan& plan, double share = 1, double* work = nullptr);
+
+/// What a law gives, over the outcomes of the model.
+VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law);
+
+/// The bound of variance x work for that base level.
+double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level);
+
+/// The exponent of a law's tail beyond the levels that were measured: the best, (beta + gamma) / 2, or halfway to
+/// beta4 / 3 where the fourth moment can be finite.
+double tail_exponent_for(const MeasuredRates& rates);
+
+/// What is not left to the pilot.
+struct RecipeOptions {
+  std::int64_t lowest_base = 0;              ///< below it a level has no finite moments
+  std::optional<std::int64_t> base_level{};  ///< this very one
+  std::optional<Base> base{};                ///< this very form
+};
+
+/// What the pilot found and chose, in numbers and in words.
+struct Advice {
+  Survey survey;
+  double pilot_work = 0;
+  double pilot_seconds = 0;
+  std::int64_t base_level = 0;
+  Base base = Base::drawn;
+  bool shares_base = false;  ///< base and difference come from one draw
+  AnyPmf law = AnyPmf(Geometric(0.5));
+  TailExponent exponent{};    ///< of the law
+  std::int64_t block = 1;     ///< members of a block, with systematic strata
+  std::int64_t members = 0;   ///< of the run, a multiple of the block
+  VarianceAndWork predicted;  ///< of one member
+  double bound = 0;           ///< of variance x work, for draws that share nothing
+  double highest_moment = 0;  ///< moments of a sample are finite below this order
+  std::vector<std::string> sentences;
+
+  /// A law with finite variance and finite work: false only where there is none.
+  [[nodiscard]] bool usable() const { return survey.law_exists != Answer::no; }
+};
+
+std::ostream& operator<<(std::ostream& out, const Advice& advice);
+
+/// Runs the pilot and chooses. The plan's samples are members; a goal of the plan chooses them.
+Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options = {});
+
+/// The description of an estimate that chooses its own estimator.
+template <BiasedSequence S>
+struct Recipe {
+  S sequence;
+  RecipeOptions options;
+};
+
+template <BiasedSequence S>
+Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
+  return {std::move(sequence), options};
+}
+
+/// A result with the advice that it followed.
+template <Value V>
+struct RecipeResult : Result<V> {
+  Advice advice;
+};
+
+template <Value V>
+std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
+  return out << static_cast<const Statistics&>(result) << result.advice;
+}
+
+/// The estimator that an advice names; `trace` replays a block of it.
+template <BiasedSequence S>
+auto estimator_of(const S& sequence, const Advice& advice) {
+  return stratified(single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}),
+                    advice.block);
+}
+
+namespace detail {
+/// The plan of the run in blocks. Throws std::invalid_argument where no law has finite variance and finite work.
+Plan plan_of(const Plan& plan, const Advice& advice);
+/// Goal and pilot of the whole, and its doubts as warnings, for the result of that run.
+void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
+}  // namespace detail
+
+/// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
+/// Throws std::invalid_argument, with the reasons, where no law has finite variance and finite work, and what the
+/// sequence throws (SampleError).
+template <BiasedSequence S>
+RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
+  Advice advice = advise(level_runs(recipe.sequence), plan, recipe.options);
+  auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
+  detail::follow(result, advice, plan.goal);
+  return {std::move(result), std::move(advice)};
+}
+
+}  // namespace debias

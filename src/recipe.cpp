@@ -1,0 +1,554 @@
+#include <debias/recipe.hpp>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <limits>
+#include <ostream>
+#include <stdexcept>
+
+namespace debias {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double first_pilot_draws = 1 << 14;  // of the lowest level, in work
+constexpr double open_pilot_draws = 1 << 20;   // that a no, or a doubt, has to survive
+constexpr double most_growth = 16;             // of a pilot over the one before
+constexpr int most_stages = 4;
+constexpr double pilot_share = 1.0 / 32;  // of the work of the run
+constexpr double most_base_work = 64;     // of one base, in draws of the lowest
+constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
+constexpr double fewest_blocks = 2048;
+constexpr std::int64_t largest_block = 4096;
+constexpr double shared_share = 1.0 / 8;      // of the draws of a level, to compare bases
+constexpr std::size_t levels_beyond = 4;      // of the survey that the table of a law holds
+constexpr std::size_t levels_predicted = 48;  // of the survey that a prediction sums over
+constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
+constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
+constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
+constexpr double bend = 0.1;              // octaves that a second moment may lie beside the fitted line
+
+std::string text(const char* pattern, double x) {
+  char out[64];
+  std::snprintf(out, sizeof out, pattern, x);
+  return out;
+}
+
+double abscissa(double level, RateKind kind) {
+  return kind == RateKind::polynomial ? std::log2(level + 1) : level;
+}
+
+// The fitted line of log2 E D_k^2, with its error.
+struct FittedDecay {
+  RateKind kind;
+  double at_centre = 0;
+  double centre = 0;
+  double slope = 0;
+  double slope_error = 0;
+  std::int64_t first = -1;  // the levels that were fitted
+  std::int64_t last = -1;
+
+  [[nodiscard]] bool known() const { return first >= 0; }
+  [[nodiscard]] double at(double level) const { return at_centre - slope * (abscissa(level, kind) - centre); }
+  [[nodiscard]] double error(double level) const {
+    return std::hypot(bend, slope_error * (abscissa(level, kind) - centre));
+  }
+};
+
+double octaves(const SurveyRow& row) { return row.second_moment_error / row.second_moment / std::log(2.0); }
+
+FittedDecay decay_of(const Survey& s) {
+  FittedDecay d;
+  d.kind = s.rates.kind;
+  d.slope = s.rates.variance.value;
+  d.slope_error = s.rates.variance.error;
+  double weight = 0;
+  for (const SurveyRow& row : s.rows) {
+    if (!row.fitted) continue;
+    const double w = 1 / (octaves(row) * octaves(row) + bend * bend);
+    weight += w;
+    d.centre += w * abscissa(static_cast<double>(row.level), d.kind);
+    d.at_centre += w * std::log2(row.second_moment);
+    if (d.first < 0) d.first = row.level;
+    d.last = row.level;
+  }
+  d.centre /= weight;
+  d.at_centre /= weight;
+  return d;
+}
+
+// How much E D_k^2 falls from one level to the next where nothing was measured.
+double cautious_fall(const MeasuredRates& rates) {
+  const double work = std::isfinite(rates.work.value) ? rates.work.value : 1;
+  return std::exp2(-(work + (rates.variance.value == infinity ? 1 : 0.2)));
+}
+
+// E D_k^2 as it should be believed: see the header of the recipe.
+std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
+  const FittedDecay line = decay_of(s);
+  const double fall = cautious_fall(s.rates);
+  double scale = 0;
+  for (const SurveyRow& row : s.rows) scale = std::max(scale, row.mean * row.mean + row.variance);
+  std::vector<double> a(levels);
+  double seen = s.rows.front().variance;  // the last second moment of differences that are not zero
+  for (std::size_t k = 0; k < levels; ++k) {
+    const auto level = static_cast<double>(k);
+    const SurveyRow* row = k < s.rows.size() ? &s.rows[k] : nullptr;
+    if (k == 0) {
+      a[0] = row->variance + row->mean * row->mean;
+      continue;
+    }
+    const bool measured = row != nullptr && row->second_moment > 0 && std::isfinite(row->second_moment);
+    const bool beyond = line.known() && static_cast<std::int64_t>(k) >= line.first;
+    if (beyond && measured && row->fitted) {
+      const double own = octaves(*row) * octaves(*row);
+      const double lines = line.error(level) * line.error(level);
+      a[k] = std::exp2((std::log2(row->second_moment) * lines + line.at(level) * own) / (lines + own));
+    } else if (beyond) {
+      // Hardly seen: what the line says, and its error; a few zeros or one outlier say nothing.
+      a[k] = std::exp2(line.at(level) + line.error(level));
+    } else if (measured && row->votes) {
+      a[k] = row->second_moment;
+    } else if (measured) {
+      a[k] = std::max(row->second_moment + row->second_moment_error, fall * a[k - 1]);
+    } else if (row != nullptr && row->second_moment == 0 && a[k - 1] == seen) {
+      // The first level of zeros: with 95 % confidence a difference as large as before is no more frequent than that.
+      a[k] = 3 / static_cast<double>(row->draws) * seen;
+    } else {
+      a[k] = fall * a[k - 1];
+    }
+    if (measured) seen = a[k];
+    a[k] =
+        std::max(a[k], std::max(1e-30 * scale, std::numeric_limits<double>::min()) * std::pow(fall, level));
+  }
+  return a;
+}
+
+}  // namespace
+
+LevelModel model_of(const Survey& s, std::int64_t levels) {
+  const auto n = static_cast<std::size_t>(levels);
+  LevelModel m;
+  const std::vector<double> a = believed_squares(s, n);
+  double share = 1;  // of the variance in the second moment
+  for (std::size_t k = 0; k < n; ++k) {
+    if (k < s.rows.size()) {
+      const SurveyRow& row = s.rows[k];
+      if (k > 0 && row.second_moment > 0 && row.votes) {
+        share = std::clamp(row.difference_variance / row.second_moment, 0.0, 1.0);
+      }
+      m.work.push_back(k == 0 ? row.value_work : row.difference_work);
+    } else {
+      const std::size_t last = s.rows.size() - 1;
+      const double growth = s.rates.work.value > 0 && s.rates.kind != RateKind::polynomial
+                                ? std::exp2(s.rates.work.value)
+                                : std::max(1.0, m.work[k - 1] / m.work[k - 2]);
+      m.work.push_back(last == 0 ? m.work[k - 1] : m.work[k - 1] * growth);
+    }
+    if (k == 0) {
+      m.variance.push_back(s.rows[0].variance);
+      m.mean_square.push_back(s.rows[0].mean * s.rows[0].mean);
+    } else {
+      m.variance.push_back(share * a[k]);
+      m.mean_square.push_back((1 - share) * a[k]);
+    }
+  }
+  return m;
+}
+
+double tail_exponent_for(const MeasuredRates& r) {
+  const bool polynomial = r.kind == RateKind::polynomial;
+  const double work = std::isfinite(r.work.value) ? r.work.value : 1;
+  const double low = polynomial ? work + 1 : work;
+  if (r.variance.value == infinity) return low + 1;
+  if (!(r.variance.value - (polynomial ? 1 : 0) > low))
+    return low + 0.1;  // not known, or too slow: finite work
+  const double best = (r.variance.value + work) / 2;
+  const double fourth = polynomial ? (r.fourth.value - 1) / 3 : r.fourth.value / 3;
+  // A bound that leaves next to no room above the work's would buy the fourth moment with endless work.
+  return fourth > low + least_room ? std::min(best, (low + fourth) / 2) : best;
+}
+
+namespace {
+
+// The limit, as well as the levels know it.
+double limit_of(const Survey& survey) {
+  double sum = survey.rows.front().mean;
+  for (const SurveyRow& r : survey.rows) {
+    if (r.level > 0 && r.votes) sum += r.difference;
+  }
+  return sum;
+}
+
+std::size_t first_outcome(const Setup& s) {
+  return static_cast<std::size_t>(s.base_level + (s.base == Base::always ? 1 : 0));
+}
+
+double rounded(double x, int digits) {
+  std::array<char, 32> out{};
+  const auto end =
+      std::to_chars(out.data(), out.data() + out.size(), x, std::chars_format::general, digits).ptr;
+  std::from_chars(out.data(), end, x);
+  return x;
+}
+
+}  // namespace
+
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
+                         const Setup& setup, const Plan& plan, double share, double* work) {
+  const SurveyRow& base = survey.rows.at(static_cast<std::size_t>(setup.base_level));
+  const std::size_t first = first_outcome(setup);
+  const auto slice = [first](const std::vector<double>& v) {
+    return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(first), v.end());
+  };
+  TermMoments t;
+  t.block = setup.block;
+  t.variance = slice(model.variance);
+  t.mean_square = slice(model.mean_square);
+  t.work = slice(model.work);
+  const double limit = limit_of(survey);
+  if (setup.base == Base::drawn) {
+    t.variance[0] = base.variance;
+    t.mean_square[0] = base.mean * base.mean;
+    t.work[0] = base.value_work;
+    if (t.block == 1) t.fixed_variance = -limit * limit;
+    return t;
+  }
+  if (t.block == 1) t.fixed_variance = -(limit - base.mean) * (limit - base.mean);
+  if (!runs.shared) {
+    t.fixed_variance += base.variance;
+    t.fixed_work = base.value_work;
+    return t;
+  }
+  double base_variance = base.variance;
+  for (std::size_t k = first; k < model.size(); ++k) {
+    if (k < survey.rows.size()) {
+      Plan part = plan;
+      part.goal = {};
+      part.samples = static_cast<std::int64_t>(std::ceil(share * static_cast<double>(survey.rows[k].draws)));
+      const SharedMoments s = runs.shared(static_cast<std::int64_t>(k), setup.base_level, part);
+      if (work != nullptr) *work += s.work * static_cast<double>(part.samples);
+      base_variance = s.base_variance;
+      t.fixed_variance += 2 * s.covariance;
+      t.work[k - first] = s.work;
+    }
+    t.base_variance.push_back(base_variance);
+  }
+  return t;
+}
+
+VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law) {
+  std::vector<double> masses(moments.work.size());
+  for (std::size_t j = 0; j < masses.size(); ++j) masses[j] = law.mass(static_cast<std::int64_t>(j));
+  return predict(moments, masses);
+}
+
+double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level) {
+  const auto m = static_cast<std::size_t>(base_level);
+  double roots = std::sqrt(survey.rows.at(m).variance * survey.rows[m].value_work);
+  for (std::size_t k = m + 1; k < model.size(); ++k) roots += std::sqrt(model.variance[k] * model.work[k]);
+  return roots * roots;
+}
+
+namespace {
+
+// Chooses among candidates, from one survey.
+class Choice {
+ public:
+  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, Advice& advice)
+      : runs_(runs), plan_(plan), options_(options), advice_(advice), survey_(advice.survey) {
+    model_ = model_of(survey_, static_cast<std::int64_t>(survey_.rows.size() + levels_predicted));
+  }
+
+  void choose() {
+    double best = infinity;
+    bool found = false;
+    const std::int64_t lowest = options_.base_level.value_or(options_.lowest_base);
+    const std::int64_t highest =
+        options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
+    const double unit = row(lowest).value_work;
+    for (std::int64_t m = lowest; m <= highest; ++m) {
+      if (m > lowest && row(m).value_work > most_base_work * unit) break;
+      if (m < highest && !settled(m)) continue;
+      for (const Base base : {Base::always, Base::drawn}) {
+        if (options_.base && *options_.base != base) continue;
+        const Setup setup{m, base, advice_.block};
+        const TermMoments moments = moments_of(setup, shared_share);
+        const double product = predict(moments, law_of(setup, moments)).product();
+        // A variance that was measured in n draws is not better than another one by its noise.
+        const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
+        if (found && !(product < (worthwhile - noise) * best)) continue;
+        found = true;
+        best = product;
+        chosen_ = setup;
+      }
+    }
+    conclude();
+  }
+
+ private:
+  [[nodiscard]] const SurveyRow& row(std::int64_t level) const {
+    return survey_.rows.at(static_cast<std::size_t>(level));
+  }
+
+  // No level above m is wild: the first ones may lack moments, which a kurtosis beyond the draws shows.
+  [[nodiscard]] bool settled(std::int64_t m) const {
+    for (const SurveyRow& r : survey_.rows) {
+      if (r.level <= m) continue;
+      if (!std::isfinite(r.second_moment)) return false;
+      if (r.votes || r.fitted) return true;
+      if (r.second_moment > 0) return false;
+    }
+    return true;
+  }
+
+  TermMoments moments_of(const Setup& setup, double share) {
+    return term_moments(runs_, survey_, model_, setup, plan_, share, &advice_.pilot_work);
+  }
+
+  AnyPmf law_of(const Setup& setup, const TermMoments& all) const {
+    const double exponent = tail_exponent_for(survey_.rates);
+    if (survey_.rates.kind == RateKind::polynomial) return AnyPmf(Zeta(exponent));
+    TermMoments t = all;
+    const std::size_t outcomes = survey_.rows.size() + levels_beyond - first_outcome(setup);
+    for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance}) {
+      v->resize(std::min(v->size(), outcomes));
+    }
+    // A base that deep levels make quieter is worth its own variance at the first of them: else a law that draws
+    // these for the sake of the base costs more than anyone asked for.
+    if (!t.base_variance.empty())
+      std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
+    const std::vector<double> best = best_masses(t);
+    // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
+    std::vector<double> even = best;
+    const std::size_t free = setup.base == Base::drawn ? 2 : 1;
+    for (std::size_t j = free; j < even.size(); ++j)
+      even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
+    const AnyPmf fastest = tabulated(best, exponent);
+    const AnyPmf fair = tabulated(even, exponent);
+    return predict(all, fair).product() <= price_of_fourth * predict(all, fastest).product() ? fair : fastest;
+  }
+
+  static AnyPmf tabulated(std::vector<double> masses, double exponent) {
+    // What no run will reach needs no entry.
+    while (masses.size() > 1 && masses.back() < 1e-9) masses.pop_back();
+    // Short and readable, and the law that the text names is the law of the run.
+    for (double& mass : masses) mass = rounded(mass, 3);
+    return AnyPmf(Tabulated(std::move(masses), rounded(std::exp2(-exponent), 4)));
+  }
+
+  void conclude() {
+    const TermMoments moments = moments_of(chosen_, 1);
+    advice_.base_level = chosen_.base_level;
+    advice_.base = chosen_.base;
+    advice_.shares_base = chosen_.base == Base::always && runs_.shared;
+    advice_.law = law_of(chosen_, moments);
+    advice_.exponent = advice_.law.tail_exponent();
+    advice_.predicted = predict(moments, advice_.law);
+    advice_.bound = bound_of(survey_, model_, chosen_.base_level);
+    const double rho = advice_.exponent.exponent;
+    const double beta = survey_.rates.variance.value;
+    const bool polynomial = survey_.rates.kind == RateKind::polynomial;
+    // E |D / p|^q p is summable.
+    const double excess = rho - beta / 2;
+    advice_.highest_moment = !(excess > 0) ? infinity : (polynomial ? (rho - 1) / excess : rho / excess);
+  }
+
+  const LevelRuns& runs_;
+  const Plan& plan_;
+  const RecipeOptions& options_;
+  Advice& advice_;
+  const Survey& survey_;
+  LevelModel model_;
+  Setup chosen_;
+};
+
+// A block for that many members, and the members in whole blocks.
+void set_members(Advice& advice, double members) {
+  advice.block = 1;
+  while (advice.block < largest_block && members / static_cast<double>(2 * advice.block) >= fewest_blocks) {
+    advice.block *= 2;
+  }
+  const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
+  if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
+    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) +
+                                " members (does not fit 64 bits)");
+  }
+  advice.members = static_cast<std::int64_t>(blocks) * advice.block;
+}
+
+double wanted_members(const Advice& advice, const Plan& plan) {
+  const Goal& goal = plan.goal;
+  if (!goal.asked()) return static_cast<double>(plan.samples);
+  if (goal.seconds > 0) {
+    double seconds = 0;
+    double work = 0;
+    for (const SurveyRow& r : advice.survey.rows) {
+      seconds += r.seconds * static_cast<double>(r.draws);
+      work += r.difference_work * static_cast<double>(r.draws);
+    }
+    return (Goal::aim * goal.seconds - advice.pilot_seconds) / (advice.predicted.work * seconds / work);
+  }
+  double size = std::abs(advice.survey.rows.back().mean);
+  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
+  return std::max(2.0, advice.predicted.variance / (error * error));
+}
+
+std::string rate_text(const MeasuredRates& r) {
+  if (r.kind == RateKind::exact_zero) return "the differences are zero beyond the first levels";
+  if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
+  const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
+  const char* end = r.kind == RateKind::polynomial ? "" : ")";
+  return "E D_k^2 falls like " + std::string(unit) + text("%.2f", -r.variance.value) + end + " (+- " +
+         text("%.2f", r.variance.error) + "), work grows like " + unit + text("%.2f", r.work.value) + end;
+}
+
+void describe_none(Advice& a) {
+  const MeasuredRates& r = a.survey.rates;
+  const bool polynomial = r.kind == RateKind::polynomial;
+  const double rho = r.work.value + narrow + (polynomial ? 1 : 0);
+  a.law = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
+  a.exponent = a.law.tail_exponent();
+  const double excess = rho - r.variance.value / 2;
+  a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
+  a.sentences.push_back("no law has finite variance and finite work: " + rate_text(r));
+  std::string best = "the best with finite work is " + a.law.spec() + ": moments are finite below " +
+                     text("%.3g", a.highest_moment);
+  if (!polynomial && r.variance.value > 0 && r.work.value > 0) {
+    best += " (stable index " +
+            text("%.3g", std::min(2.0, 2 * r.work.value / (2 * r.work.value - r.variance.value))) +
+            " in the limit), the error falls like work^-" +
+            text("%.2g", std::min(0.5, r.variance.value / (2 * r.work.value)));
+  }
+  a.sentences.push_back(best);
+  a.sentences.emplace_back(
+      "what helps: a better coupling or a smoother integrand (beta up), extrapolation (alpha up), or "
+      "multilevel, whose "
+      "bias is stated");
+}
+
+void describe(Advice& a) {
+  const MeasuredRates& r = a.survey.rates;
+  const char* form =
+      a.shares_base ? ", made of the draws of the difference"
+                    : (a.base == Base::drawn ? ", one outcome of the law" : ", evaluated in every sample");
+  a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
+                        (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
+                                     : std::string("independent samples, too few for strata")));
+  std::string efficiency = "variance " + text("%.3g", a.predicted.variance) + " x work " +
+                           text("%.4g", a.predicted.work) +
+                           " predicted for a member: " + text("%.3g", a.predicted.product());
+  if (a.bound > 0) {
+    efficiency += ", " + text("%.3g", a.predicted.product() / a.bound) +
+                  " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
+                  (a.shares_base ? " of draws that share nothing" : "");
+  }
+  a.sentences.push_back(efficiency);
+  const double rho = a.exponent.exponent;
+  std::string moments = rate_text(r) + ", the tail of the law like " +
+                        (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho)
+                                                               : "2^(k x " + text("%.2f", -rho) + ")");
+  if (std::isfinite(a.highest_moment))
+    moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+  if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
+    moments +=
+        std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
+  }
+  a.sentences.push_back(moments);
+}
+
+}  // namespace
+
+Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options) {
+  detail::check_goal(plan.goal);
+  const std::int64_t lowest = options.base_level.value_or(options.lowest_base);
+  detail::check_base_level("recipe", lowest);
+  Plan pilot = plan;
+  pilot.samples = std::int64_t{1} << 16;
+  pilot.first = 0;
+  pilot.goal = {};
+  const double unit = runs.work(lowest, pilot).first;
+  double budget = first_pilot_draws * unit;
+  const auto start = std::chrono::steady_clock::now();
+  Advice advice;
+  for (int stage = 0;; ++stage) {
+    Advice next;
+    next.pilot_work = advice.pilot_work;
+    next.survey = survey_within(runs, budget, pilot);
+    next.pilot_work += next.survey.work;
+    next.pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
+      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) +
+                                  " (the pilot reached only level " +
+                                  std::to_string(next.survey.rows.size() - 1) +
+                                  ", and a law needs two differences above the base); take a lower one");
+    }
+    if (next.usable()) {
+      next.block = std::max<std::int64_t>(advice.block, 64);
+      set_members(next, plan.goal.asked() ? fewest_blocks * static_cast<double>(next.block)
+                                          : static_cast<double>(plan.samples));
+      Choice(runs, pilot, options, next).choose();
+      if (plan.goal.asked()) {
+        set_members(next, wanted_members(next, plan));
+        Choice(runs, pilot, options, next).choose();  // with the block of that many members
+        set_members(next, wanted_members(next, plan));
+      }
+    }
+    advice = std::move(next);
+    const bool open = advice.survey.law_exists != Answer::yes;
+    if (stage == most_stages || (open && budget >= open_pilot_draws * unit)) break;
+    // A long run deserves a pilot that has seen more, and so does a doubt or a no, whose price is not known yet.
+    const double run_work = advice.predicted.work * static_cast<double>(advice.members);
+    double wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
+    if (open) wanted = std::max(wanted, 8 * budget);
+    if (!(wanted > 1.5 * budget)) break;
+    budget = wanted;
+  }
+  advice.usable() ? describe(advice) : describe_none(advice);
+  return advice;
+}
+
+std::ostream& operator<<(std::ostream& out, const Advice& advice) {
+  const char* name = "recipe";
+  for (const std::string& sentence : advice.sentences) {
+    out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
+    name = "";
+  }
+  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size()
+      << " levels";
+  for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
+  return out << '\n';
+}
+
+Plan detail::plan_of(const Plan& plan, const Advice& advice) {
+  if (!advice.usable()) {
+    std::string reasons = "recipe: ";
+    for (const std::string& sentence : advice.sentences)
+      reasons += (&sentence == &advice.sentences.front() ? "" : "; ") + sentence;
+    throw std::invalid_argument(reasons);
+  }
+  Plan run = plan;
+  run.samples = advice.members / advice.block;
+  run.goal = {};
+  // How long a block takes is known only from blocks.
+  if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
+  return run;
+}
+
+void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
+  statistics.goal = goal;
+  statistics.pilot_seconds += advice.pilot_seconds;
+  if (advice.survey.law_exists == Answer::cannot_tell) {
+    statistics.warnings.emplace_back(
+        "the pilot cannot tell yet whether any law has finite variance and finite work; its law has finite "
+        "work.");
+  }
+  for (const std::string& remark : advice.survey.remarks) {
+    if (remark.find("every estimate from it is biased") != remark.npos)
+      statistics.warnings.push_back(remark + ".");
+  }
+}
+
+}  // namespace debias

@@ -1,0 +1,74 @@
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/estimate.hpp>
+
+using namespace debias;
+
+namespace {
+
+// Mean 1, variance 1.
+double exponential(Stream& rng) { return rng.exponential(); }
+double constant(Stream&) { return 2; }
+
+}  // namespace
+
+TEST_CASE("a goal for the error is met by as many samples as it takes and not many more",
+          "[core][goal][statistical]") {
+  for (const double error : {0.05, 0.01, 0.002}) {
+    const auto r = estimate(exponential, {.seed = 3, .goal = {.error = error}});
+    CAPTURE(error, r.samples);
+    CHECK(r.goal_met());
+    const double least = 1 / (Goal::aim * error * Goal::aim * error);  // of variance 1
+    CHECK(static_cast<double>(r.samples) > 0.8 * least);
+    CHECK(static_cast<double>(r.samples) < 1.35 * least);
+    CHECK(std::abs(r.mean - 1) < 4.5 * r.standard_error);
+  }
+  const auto relative = estimate([](Stream& rng) { return 10 * rng.exponential(); },
+                                 {.seed = 3, .goal = {.relative_error = 0.01}});
+  CHECK(relative.goal_met());
+  CHECK(relative.standard_error > 0.085);
+}
+
+TEST_CASE("the samples of a goal know nothing of the run: the estimate stays unbiased and honest",
+          "[core][goal][statistical]") {
+  std::vector<double> z;
+  int met = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const auto r = estimate(exponential, {.seed = seed, .goal = {.error = 0.02}});
+    z.push_back((r.mean - 1) / r.standard_error);
+    met += r.goal_met() ? 1 : 0;
+  }
+  const Moments m = Moments::of(z);
+  CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
+  CHECK(std::sqrt(m.variance()) == Approx(1).margin(4.5 / std::sqrt(400.0)));
+  CHECK(met > 170);
+}
+
+TEST_CASE("a run for a goal is the plain run of that many samples", "[core][goal][exact]") {
+  const auto r = estimate(exponential, {.seed = 5, .goal = {.error = 0.01}});
+  const auto plain = estimate(exponential, {.samples = r.samples, .seed = 5});
+  CHECK(r.mean == plain.mean);
+  CHECK(r.standard_error == plain.standard_error);
+  const auto threads = estimate(exponential, {.seed = 5, .threads = 1, .goal = {.error = 0.01}});
+  CHECK(threads.samples == r.samples);
+}
+
+TEST_CASE("a goal of seconds, of no variance, and goals that cannot be", "[core][goal][exact]") {
+  const auto timed = estimate(exponential, {.goal = {.seconds = 0.2}});
+  CHECK(timed.samples > 1000);
+  CHECK(timed.pilot_seconds + timed.seconds < 2);  // a busy machine may miss it, and says so
+  std::ostringstream text;
+  text << timed;
+  CHECK(text.str().find("0.2 seconds") != text.str().npos);
+  CHECK(estimate(constant, {.goal = {.error = 0.1}}).goal_met());
+  CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = -0.1}}), Catch::Contains("error = -0.1"));
+  CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 0.1, .seconds = 1}}),
+                    Catch::Contains("more than one"));
+  CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 1e-15}}), Catch::Contains("64 bits"));
+}

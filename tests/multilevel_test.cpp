@@ -1,0 +1,85 @@
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "catch_shim.hpp"
+#include "estimators/sequences.hpp"
+
+#include <debias/multilevel.hpp>
+
+using namespace debias;
+using namespace debias::trial;
+
+namespace {
+
+/// Geometric Brownian motion would do; this one is exact: E I_k = 1 - 2^-k, Var D_k = 2^(-beta k), work 2^k.
+struct Levels {
+  double beta = 2;
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double k = static_cast<double>(level);
+    const double d = (level == 0 ? 0.0 : std::exp2(-k)) + std::exp2(-beta * k / 2) * rng.normal();
+    return {1 - std::exp2(-k), d, std::exp2(k)};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("multilevel keeps its root mean square error, variance and bias together",
+          "[multilevel][statistical]") {
+  for (const double beta : {1.0, 1.5, 2.0}) {
+    const double error = 0.02;
+    double square = 0;
+    double bias = 0;
+    const int seeds = 50;
+    for (int seed = 1; seed <= seeds; ++seed) {
+      const auto r = multilevel(Levels{beta}, error, {.seed = static_cast<std::uint64_t>(seed)});
+      CHECK(r.converged);
+      const double e = r.components[0].mean - 1;
+      square += e * e / seeds;
+      bias += e / seeds;
+    }
+    CAPTURE(beta, std::sqrt(square), bias);
+    CHECK(std::sqrt(square) < 1.2 * error);
+    CHECK(bias < 0);  // it is biased, and by no more than the share that it allows itself
+    CHECK(bias > -std::sqrt(0.25) * error - 4.5 * error / std::sqrt(seeds));
+  }
+}
+
+TEST_CASE("multilevel puts its draws where sqrt of variance over work asks for them",
+          "[multilevel][statistical]") {
+  const auto r = multilevel(Levels{2}, 0.01, {.seed = 3});
+  double roots = 0;
+  for (const MultilevelRow& row : r.rows) roots += std::sqrt(row.variance * row.work);
+  double total = 0;
+  for (const MultilevelRow& row : r.rows) {
+    const double wanted = std::sqrt(row.variance / row.work) * roots / (0.75 * 1e-4);
+    if (row.level < 4) CHECK(static_cast<double>(row.draws) == Approx(wanted).epsilon(0.1));
+    total += static_cast<double>(row.draws) * row.work;
+  }
+  CHECK(r.work == Approx(total));
+  CHECK(r.alpha == Approx(1).margin(0.3));
+  CHECK(r.bias > 0);
+  CHECK(r.error() < 0.0105);
+}
+
+TEST_CASE("multilevel is the same for any threads and says when its levels are not enough",
+          "[multilevel][exact]") {
+  const auto one = multilevel(SquaredMean{}, 0.05, {.seed = 2, .threads = 1});
+  const auto two = multilevel(SquaredMean{}, 0.05, {.seed = 2, .threads = 2});
+  CHECK(one.components[0].mean == two.components[0].mean);
+  CHECK(one.work == two.work);
+  const auto cut = multilevel(Levels{2}, 0.01, {.seed = 2}, {.most_levels = 4});
+  CHECK_FALSE(cut.converged);
+  std::ostringstream text;
+  text << cut;
+  CHECK(text.str().find("NOT met") != text.str().npos);
+}
+
+TEST_CASE("multilevel refuses impossible errors and options", "[multilevel][exact]") {
+  CHECK_THROWS_WITH(multilevel(Levels{}, 0), Catch::Contains("error = 0"));
+  CHECK_THROWS_AS(multilevel(Levels{}, 1, {}, {.bias_share = 1}), std::invalid_argument);
+  CHECK_THROWS_AS(multilevel(Levels{}, 1, {}, {.first_draws = 1}), std::invalid_argument);
+  CHECK_THROWS_AS(multilevel(Levels{}, 1, {}, {.most_levels = 2}), std::invalid_argument);
+}

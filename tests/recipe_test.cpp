@@ -1,0 +1,285 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "catch_shim.hpp"
+#include "estimators/sequences.hpp"
+#include "recipe/options.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/multilevel.hpp>
+#include <debias/recipe.hpp>
+
+using namespace debias;
+using namespace debias::trial;
+
+namespace {
+
+/// I_k = 1 - 2^-k on average, E D_k^2 = 2^(-beta k) with kurtosis 3 + a mean, work 2^k.
+struct Chosen {
+  double beta;
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double mean = level == 0 ? 0.5 : power(2, -level) / 2;
+    const double d = mean + std::exp2(-beta * static_cast<double>(level) / 2) * rng.normal();
+    return {1 - power(2, -level) / 2 + rng.normal(), d, power(2, level)};
+  }
+  double truth() const { return 1; }
+};
+
+/// Differences 2^(-beta k / 2) times a normal number, and nothing else.
+struct Pure {
+  double beta;
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double d = std::exp2(-beta * static_cast<double>(level) / 2) * rng.normal();
+    return {level == 0 ? d : rng.normal() + d, d, power(2, level)};
+  }
+};
+
+/// Differences of size +-1 with probability 2^(-3 k / 2), and a mean of 2^(-2 k): soon nothing but zeros to see.
+struct Rare {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double u = rng.uniform();
+    const double v = rng.uniform();
+    const double p = std::exp2(-1.5 * static_cast<double>(level));
+    const double up = (1 + std::exp2(-0.5 * static_cast<double>(level))) / 2;
+    const double d = u < p ? (v < up ? 1.0 : -1.0) : 0.0;
+    const double below = (1 - power(0.25, level)) * 4 / 3;  // the sum of the means of the levels below
+    return {level == 0 ? d : below + v - 0.5 + d, d, power(2, level)};
+  }
+  double truth() const { return 4.0 / 3; }
+};
+
+/// sum 1 / (k + 1)^2, every term with noise in proportion.
+struct Basel {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const auto k = static_cast<double>(level);
+    const double d = (0.5 + rng.uniform()) / ((k + 1) * (k + 1));
+    double below = 0;
+    for (std::int64_t i = 0; i < level; ++i)
+      below += 1 / (static_cast<double>(i + 1) * static_cast<double>(i + 1));
+    return {below + d, d, 1.0};
+  }
+};
+
+double z_of(const Statistics& s, double truth) {
+  return (s.components[0].mean - truth) / s.components[0].standard_error;
+}
+
+/// Variance x work of one member, as the run has measured them.
+template <class R>
+double measured_product(const R& r) {
+  return r.components[0].variance * r.work_per_sample();
+}
+
+}  // namespace
+
+TEST_CASE("a sequence that declares nothing is estimated without bias in three lines",
+          "[recipe][statistical]") {
+  // (E X)^2 = 1 of an exponential X: the square of the mean of 2^k draws, and of its two halves.
+  const auto my_sequence = [](std::int64_t level, Stream& rng) {
+    if (level == 0) {
+      const double x = rng.exponential();
+      return base(x * x);
+    }
+    const std::int64_t half = std::int64_t{1} << (level - 1);
+    double a = 0;
+    double b = 0;
+    for (std::int64_t i = 0; i < half; ++i) {
+      a += rng.exponential() / static_cast<double>(half);
+      b += rng.exponential() / static_cast<double>(half);
+    }
+    const double mean = (a + b) / 2;
+    return coupled(mean * mean, (a * a + b * b) / 2, 2.0 * static_cast<double>(half));
+  };
+  const auto result = estimate(recipe(my_sequence), {.samples = 1 << 17, .seed = 3});
+  CHECK(std::abs(z_of(result, 1)) < 4.5);
+  CHECK(result.advice.survey.law_exists == Answer::yes);
+  std::ostringstream text;
+  text << result;
+  for (const char* word : {"mean", "recipe", "times the bound", "pilot"}) {
+    CHECK(text.str().find(word) != text.str().npos);
+  }
+}
+
+TEST_CASE("a recipe is unbiased and its error honest over many seeds", "[recipe][statistical]") {
+  const auto check = [](const auto& sequence, double truth, std::int64_t samples) {
+    std::vector<double> z;
+    for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+      z.push_back(z_of(estimate(recipe(sequence), {.samples = samples, .seed = seed}), truth));
+    }
+    const Moments m = Moments::of(z);
+    CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
+    CHECK(std::sqrt(m.variance()) == Approx(1).margin(4.5 / std::sqrt(200.0)));
+    CHECK(std::abs(*std::max_element(z.begin(), z.end())) < 5.5);
+  };
+  check(Chosen{2}, 1, 1 << 14);
+  check(Chosen{1.5}, 1, 1 << 14);
+  check(GeometricSeries{.q = 0.5}, 2, 1 << 12);
+}
+
+TEST_CASE("a run by recipe is the run of the estimator that its advice names", "[recipe][exact]") {
+  const SquaredMean sequence;
+  const Plan plan{.samples = 1 << 15, .seed = 11};
+  const auto result = estimate(recipe(sequence), plan);
+  Advice advice = result.advice;
+  const std::string spec = advice.law.spec();
+  advice.law = AnyPmf::parse(spec);
+  CHECK(advice.law.spec() == spec);
+  const auto again =
+      estimate(estimator_of(sequence, advice), {.samples = advice.members / advice.block, .seed = 11});
+  CHECK(again.mean == result.mean);
+  CHECK(again.standard_error == result.standard_error);
+  const LargeSample& largest = result.largest.front();
+  CHECK(trace(estimator_of(sequence, advice), 11, largest.index).sample.value == largest.value);
+  CHECK(advise(level_runs(sequence), {.samples = 1 << 15, .seed = 11, .threads = 1}).law.spec() == spec);
+  CHECK(advice.members >= 1 << 15);
+  CHECK(advice.members % advice.block == 0);
+}
+
+TEST_CASE("where no law has finite variance and finite work a recipe says so and what to expect",
+          "[recipe][exact]") {
+  CHECK_THROWS_WITH(
+      estimate(recipe(Pure{1}), {.samples = 1 << 17}),
+      Catch::Contains("no law has finite variance and finite work") && Catch::Contains("multilevel"));
+  const Advice half = advise(level_runs(Pure{0.5}), {.samples = 1 << 17});
+  CHECK_FALSE(half.usable());
+  REQUIRE(half.sentences.size() == 3);
+  // Stable index 2 gamma / (2 gamma - beta) = 4/3, errors like work^-(beta / (2 gamma)) = work^-0.25.
+  CHECK_THAT(half.sentences[1], Catch::Contains("stable index 1.3") && Catch::Contains("work^-0.2"));
+  CHECK(half.exponent.exponent > half.survey.rates.work.value);
+}
+
+TEST_CASE("the moments that a survey measured give A10 its known products", "[recipe][statistical]") {
+  // The catalogue's A10 numbers its differences from j = 0: level j + 1 here.
+  const Survey s = survey(SquaredMean{}, 11, {.samples = 1 << 15, .seed = 1});
+  const LevelModel model = model_of(s, 90);
+  TermMoments t;
+  const auto from_one = [](const std::vector<double>& v) {
+    return std::vector<double>(v.begin() + 1, v.end());
+  };
+  t.variance = from_one(model.variance);
+  t.mean_square = from_one(model.mean_square);
+  t.work = from_one(model.work);
+  const auto geometric = [&](double r) {
+    std::vector<double> masses;
+    for (std::size_t j = 0; j < t.work.size(); ++j)
+      masses.push_back(r * std::pow(1 - r, static_cast<double>(j)));
+    return predict(t, masses).product();
+  };
+  CHECK(geometric(0.55) == Approx(54.5).epsilon(0.03));
+  CHECK(geometric(0.60) == Approx(30.9).epsilon(0.03));
+  CHECK(geometric(0.65) == Approx(25.28).epsilon(0.03));
+  CHECK(geometric(0.70) == Approx(28.9).epsilon(0.03));
+  CHECK(predict(t, best_masses(t)).product() == Approx(24.97).epsilon(0.03));
+  t.block = std::int64_t{1} << 50;
+  CHECK(predict(t, best_masses(t)).product() == Approx(19.01).epsilon(0.03));
+}
+
+TEST_CASE("levels of which the pilot saw only zeros keep the mass that the fitted decay asks for",
+          "[recipe][statistical]") {
+  const Plan plan{.samples = 1 << 18, .seed = 5};
+  const Advice advice = advise(level_runs(Rare{}), plan);
+  REQUIRE(advice.usable());
+  bool zeros = false;
+  for (const SurveyRow& r : advice.survey.rows) zeros = zeros || (r.level > 0 && r.second_moment == 0);
+  const LevelModel model = model_of(advice.survey, 20);
+  for (std::int64_t k = 1; k < 20; ++k) {
+    const double truth = std::exp2(-1.5 * static_cast<double>(k));
+    CAPTURE(k);
+    const auto i = static_cast<std::size_t>(k);
+    CHECK(model.variance[i] + model.mean_square[i] > truth / 2);
+    CHECK(model.variance[i] + model.mean_square[i] < 16 * truth);
+  }
+  CHECK(std::abs(z_of(estimate(recipe(Rare{}), plan), Rare{}.truth())) < 4.5);
+}
+
+TEST_CASE("exact zeros, powers of the level and wild first levels each get a law that fits",
+          "[recipe][statistical]") {
+  const auto steady = estimate(recipe(Steady{}), {.samples = 1 << 14, .seed = 2});
+  CHECK(std::abs(z_of(steady, 0.5)) < 4.5);
+  CHECK(measured_product(steady) < 1.2 * steady.advice.bound);
+  const Advice basel = advise(level_runs(Basel{}), {.samples = 1 << 16, .seed = 2});
+  CHECK(basel.survey.rates.kind == RateKind::polynomial);
+  CHECK(basel.law.spec().rfind("zeta:s=", 0) == 0);
+  CHECK(basel.exponent.exponent > 1);
+  CHECK(basel.exponent.exponent < 3);
+}
+
+TEST_CASE("on combs the base moves up to the cap and is made of the draws of the difference",
+          "[recipe][statistical]") {
+  const auto result = estimate(recipe(Comb{}), {.samples = 1 << 18, .seed = 2});
+  CHECK(result.advice.shares_base);
+  CHECK(result.advice.base_level == 6);
+  CHECK(std::abs(z_of(result, Comb{}.truth())) < 4.5);
+  CHECK(measured_product(result) < result.advice.bound);
+  const auto fixed =
+      estimate(recipe(Comb{}, {.base_level = 2, .base = Base::drawn}), {.samples = 1 << 15, .seed = 2});
+  CHECK(fixed.advice.base_level == 2);
+  CHECK(fixed.advice.base == Base::drawn);
+  CHECK(std::abs(z_of(fixed, Comb{}.truth())) < 4.5);
+}
+
+TEST_CASE("a goal for the error fixes the members before the run", "[recipe][statistical]") {
+  int met = 0;
+  std::vector<double> z;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const auto r = estimate(recipe(Chosen{2}), {.seed = seed, .goal = {.error = 0.004}});
+    met += r.goal_met() ? 1 : 0;
+    CHECK(r.total_error() < 1.1 * 0.004);
+    CHECK(r.total_error() > 0.8 * 0.004);
+    z.push_back(z_of(r, 1));
+  }
+  CHECK(met >= 34);
+  const Moments m = Moments::of(z);
+  CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
+  const auto relative = estimate(recipe(Comb{}), {.seed = 2, .goal = {.relative_error = 1e-4}});
+  CHECK(relative.total_error() == Approx(1e-4 * relative.size()).epsilon(0.2));
+  CHECK_THROWS_WITH(estimate(recipe(Comb{}), {.goal = {.error = -1}}), Catch::Contains("error = -1"));
+}
+
+TEST_CASE("a recipe refuses a base level that its pilot does not reach", "[recipe][exact]") {
+  CHECK_THROWS_WITH(advise(level_runs(SquaredMean{}), {.samples = 1000}, {.base_level = -1}),
+                    Catch::Contains("base_level = -1"));
+}
+
+TEST_CASE("options by recipe take 0.85 of the work of multilevel at the same error",
+          "[recipe][statistical][stat]") {
+  const double error = 0.01;
+  for (const Payoff payoff : {Payoff::european, Payoff::asian, Payoff::lookback}) {
+    const Option option{payoff};
+    double work = 0;
+    double baseline = 0;
+    std::vector<double> means;
+    for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+      const auto r = estimate(recipe(option), {.seed = seed, .goal = {.error = error}});
+      const double reached = r.total_error() / error;
+      work += (r.work + r.advice.pilot_work) * reached * reached;
+      baseline += multilevel(option, error, {.seed = seed}).work;
+      means.push_back(r.mean);
+    }
+    const Moments m = Moments::of(means);
+    CAPTURE(static_cast<int>(payoff), work / 16, baseline / 16, m.mean - option.truth());
+    CHECK(work < 0.85 * baseline);
+    CHECK(std::abs(m.mean - option.truth()) < 4.5 * error / 4);
+  }
+}
+
+TEST_CASE("the digital option has no law as it is and an honest one when its last step is smoothed",
+          "[recipe][statistical][stat]") {
+  const Advice plain = advise(level_runs(Option{Payoff::digital}), {.samples = 1 << 20, .seed = 1});
+  CHECK_FALSE(plain.usable());
+  std::vector<double> z;
+  for (std::uint64_t seed = 1; seed <= 64; ++seed) {
+    const auto r = estimate(recipe(Option{Payoff::smoothed_digital}), {.samples = 1 << 15, .seed = seed});
+    z.push_back(z_of(r, Option{Payoff::smoothed_digital}.truth()));
+    CHECK(std::abs(z.back()) < 5.5);
+  }
+  const Moments m = Moments::of(z);
+  CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
+  CHECK(std::sqrt(m.variance()) > 0.8);
+  CHECK(std::sqrt(m.variance()) < 1.25);
+}

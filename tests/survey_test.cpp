@@ -1,0 +1,208 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "catch_shim.hpp"
+#include "estimators/sequences.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/survey.hpp>
+
+#include "catalog.hpp"
+
+using namespace debias;
+using namespace debias::trial;
+
+namespace {
+
+bool remarks_on(const Survey& s, const std::string& what) {
+  return std::any_of(s.remarks.begin(), s.remarks.end(),
+                     [&](const std::string& r) { return r.find(what) != std::string::npos; });
+}
+
+/// Scale 2^(-rate k / 2) times a normal number: every moment is known, the kurtosis is 3.
+struct NormalDifferences {
+  double rate;
+  double work = 1;  ///< per level, in octaves
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double d = std::exp2(-rate * static_cast<double>(level) / 2) * rng.normal();
+    return {d, d, std::exp2(work * static_cast<double>(level))};
+  }
+};
+
+/// A coarse partner that is not distributed like the level below: its mean is off by half of the difference's.
+struct WrongCoupling : SquaredMean {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    Draw<double> draw = SquaredMean::operator()(level, rng);
+    if (level > 0) draw.difference *= 1.5;
+    return draw;
+  }
+};
+
+/// Differences of size 1 with probability 2^-k: beta = gamma = 1, and soon nothing but zeros to see.
+struct RareEvent {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double u = rng.uniform();
+    const double v = rng.uniform();
+    const double d = u < power(2, -level) ? (v < 0.25 ? 1.0 : -1.0) : 0.0;
+    return {level == 0 ? d : v + d, d, power(2, level)};
+  }
+};
+
+/// Constant second moments up to level 4, 4^-k from there.
+struct LateDecay : NormalDifferences {
+  LateDecay() : NormalDifferences{2, 1} {}
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    Draw<double> draw = NormalDifferences::operator()(std::max<std::int64_t>(level - 4, 0), rng);
+    draw.work = power(2, level);
+    return draw;
+  }
+};
+
+/// Everything that is random about a row is within this many standard errors.
+constexpr double family_z = 5.5;
+
+}  // namespace
+
+TEST_CASE("the table of A10 agrees with its closed-form moments at every level", "[survey][statistical]") {
+  const Survey s = survey(SquaredMean{}, 9, {.samples = 1 << 14, .seed = 3});
+  REQUIRE(s.rows.size() == 9);
+  for (const SurveyRow& r : s.rows) {
+    CAPTURE(r.level);
+    CHECK(r.draws == 1 << 14);
+    CHECK(r.difference_work == power(2, r.level));
+    CHECK(std::abs(r.mean - SquaredMean::value_mean(r.level)) < family_z * r.mean_error);
+    CHECK(r.seconds > 0);
+    if (r.level == 0) continue;
+    CHECK(std::abs(r.difference - SquaredMean::difference_mean(r.level)) < family_z * r.difference_error);
+    CHECK(std::abs(r.second_moment - SquaredMean::difference_square(r.level)) <
+          family_z * r.second_moment_error);
+    CHECK(std::abs(r.consistency) < family_z);
+    CHECK(r.nonzero == 1);
+    CHECK(r.difference_variance == Approx(r.second_moment - r.difference * r.difference).epsilon(1e-3));
+  }
+  CHECK(std::abs(s.rates.variance.value - 2) < 0.15);
+  CHECK(std::abs(s.rates.mean.value - 1) < 0.15);
+  CHECK(std::abs(s.rates.work.value - 1) < 1e-9);
+  CHECK(s.rates.kind == RateKind::geometric);
+  CHECK(s.law_exists == Answer::yes);
+  CHECK(s.remarks.size() <= 1);  // at most: the first level is not yet asymptotic
+}
+
+TEST_CASE("the consistency check finds a coupling whose coarse partner is not the level below",
+          "[survey][statistical]") {
+  const Plan plan{.samples = 1 << 14, .seed = 5};
+  CHECK_FALSE(remarks_on(survey(SquaredMean{}, 8, plan), "every estimate from it is biased"));
+  const Survey wrong = survey(WrongCoupling{}, 8, plan);
+  CHECK(remarks_on(wrong, "every estimate from it is biased"));
+  CHECK(std::abs(wrong.rows[1].consistency) > 4.5);
+}
+
+TEST_CASE("rates are within 0.15 and their errors honest where a power law is exact",
+          "[survey][statistical]") {
+  for (const double beta : {0.5, 1.0, 1.5, 2.0, 4.0}) {
+    double sum_of_squares = 0;
+    const int seeds = 40;
+    for (int seed = 1; seed <= seeds; ++seed) {
+      const Survey s =
+          survey(NormalDifferences{beta}, 8, {.samples = 4096, .seed = static_cast<std::uint64_t>(seed)});
+      CAPTURE(beta, seed, s.rates.variance.value);
+      REQUIRE(s.rates.kind == RateKind::geometric);
+      REQUIRE(std::abs(s.rates.variance.value - beta) < 0.15);
+      REQUIRE(std::abs(s.rates.fourth.value - 2 * beta) < 0.5);
+      const double z = (s.rates.variance.value - beta) / s.rates.variance.error;
+      sum_of_squares += z * z;
+    }
+    // The errors allow for a bend of 0.03 octaves that this sequence does not have: too large is fine.
+    CHECK(sum_of_squares / seeds < 2);
+  }
+}
+
+TEST_CASE("a law exists, does not, or nobody can tell yet", "[survey][statistical]") {
+  const auto answer = [](const auto& sequence, std::int64_t levels = 9, std::int64_t draws = 1 << 13) {
+    return survey(sequence, levels, {.samples = draws, .seed = 2}).law_exists;
+  };
+  CHECK(answer(NormalDifferences{2, 1}) == Answer::yes);
+  CHECK(answer(NormalDifferences{1.3, 1}) == Answer::yes);
+  CHECK(answer(NormalDifferences{1, 1}) == Answer::no);
+  CHECK(answer(NormalDifferences{0.5, 1}) == Answer::no);
+  CHECK(answer(NormalDifferences{1, 0}) == Answer::yes);
+  CHECK(answer(NormalDifferences{-1, 0}) == Answer::no);
+  // Two levels that vote are no rate.
+  CHECK(answer(NormalDifferences{2, 1}, 3, 64) == Answer::cannot_tell);
+  // Few draws beside beta - gamma = 0.3: within the error.
+  CHECK(answer(NormalDifferences{1.3, 1}, 5, 64) == Answer::cannot_tell);
+}
+
+TEST_CASE("rare events are no exact levels, exact levels are no rare events", "[survey][statistical]") {
+  const Survey rare = survey(RareEvent{}, 16, {.samples = 1 << 12, .seed = 4});
+  CHECK(rare.rates.kind == RateKind::geometric);
+  CHECK(rare.law_exists != Answer::yes);
+  CHECK_FALSE(rare.rows.back().votes);
+  CHECK(remarks_on(rare, "10 times their kurtosis"));
+  const Survey steady = survey(Steady{}, 6, {.samples = 256});
+  CHECK(steady.rates.kind == RateKind::exact_zero);
+  CHECK(steady.law_exists == Answer::yes);
+  CHECK(remarks_on(steady, "zero from level 1 on"));
+}
+
+TEST_CASE("levels that do not decay yet are named and left out of the fit", "[survey][statistical]") {
+  const Survey s = survey(LateDecay{}, 11, {.samples = 1 << 12, .seed = 6});
+  CHECK(std::abs(s.rates.variance.value - 2) < 0.15);
+  for (const SurveyRow& r : s.rows) {
+    CAPTURE(r.level);
+    CHECK((r.level >= 4 || !r.fitted));
+  }
+  CHECK(remarks_on(s, "not yet asymptotic"));
+}
+
+TEST_CASE("a survey draws from streams that no sample sees, the same for any threads", "[survey][exact]") {
+  const SquaredMean sequence;
+  const Survey one = survey(sequence, 5, {.samples = 9000, .seed = 7, .threads = 1});
+  const Survey two = survey(sequence, 5, {.samples = 9000, .seed = 7, .threads = 2});
+  for (std::size_t k = 0; k < one.rows.size(); ++k) {
+    CHECK(one.rows[k].mean == two.rows[k].mean);
+    CHECK(one.rows[k].second_moment == two.rows[k].second_moment);
+  }
+  const auto plain = [&](Stream& rng) {
+    Stream own = split_level(rng, 0);
+    return sequence(0, own).value;
+  };
+  CHECK(one.rows[0].mean != estimate(plain, {.samples = 9000, .seed = 7}).mean);
+}
+
+TEST_CASE("a survey that is interrupted keeps its complete levels and says so", "[survey][exact]") {
+  Plan plan{.samples = 5000, .seed = 1};
+  plan.progress = [](std::int64_t done) { return done < 17000; };
+  const Survey s = survey(SquaredMean{}, 8, plan);
+  CHECK(s.rows.size() == 3);
+  CHECK(remarks_on(s, "interrupted: 3 of 8 levels"));
+  plan.progress = [](std::int64_t) { return false; };
+  CHECK_THROWS_AS(survey(SquaredMean{}, 8, plan), Interrupted);
+  CHECK_THROWS_WITH(survey(SquaredMean{}, 1), Catch::Contains("levels = 1"));
+  CHECK_THROWS_WITH(survey(SquaredMean{}, 4, {.samples = 1}), Catch::Contains("samples = 1"));
+}
+
+TEST_CASE("a survey prints its table, rates and answer", "[survey][exact]") {
+  std::ostringstream text;
+  text << survey(SquaredMean{}, 6, {.samples = 2048});
+  for (const char* word : {"kurtosis", "rates (levels *", "exists: yes"})
+    CHECK(text.str().find(word) != text.str().npos);
+}
+
+TEST_CASE("the rates that the catalogue declares are the rates that a survey measures",
+          "[survey][statistical][stat]") {
+  for (const char* id : {"A01", "A03", "A07", "A10", "A13", "A20", "B02", "B03", "B09", "B12", "C01", "C02",
+                         "C05", "D19", "E02", "E07", "F02", "F06"}) {
+    const catalog::Problem& p = catalog::find(id);
+    const Survey s = survey_within(p.levels, 4e6, {.samples = 1 << 15, .seed = 1});
+    CAPTURE(id, s.rates.variance.value, s.rates.variance.error);
+    CHECK(std::abs(s.rates.variance.value - p.rates.variance) < 0.15);
+    CHECK(std::abs(s.rates.work.value - p.rates.work) < 0.15);
+    CHECK(s.law_exists == Answer::yes);
+  }
+}
