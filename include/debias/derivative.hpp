@@ -85,7 +85,7 @@ auto evaluate(const F& f, double x, const Stream& rng) {
 
 }  // namespace detail
 
-/// A BiasedSequence; the work is the number of evaluations of f. The caller's stream stays where it is.
+/// A BiasedSequence; the work is the number of evaluations of f, but for f(at) where f is not random: that is kept. The caller's stream stays where it is.
 template <ParameterFunction F>
 class FiniteDifference {
  public:
@@ -112,6 +112,9 @@ class FiniteDifference {
       last_level_ = *options_.last_level;
     } else {
       last_level_ = std::min(deepest, rounding_level());
+    }
+    for (std::int64_t k = 0; k <= std::min(last_level_ + options_.extrapolations, last_stored_step); ++k) {
+      steps_.push_back(step_of(k));
     }
   }
 
@@ -158,8 +161,8 @@ class FiniteDifference {
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
 
   /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares of
-  /// the levels of the run, continued with the declared rate; infinite if that does not fall, or if the levels
-  /// do not. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
+  /// the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;
+  /// infinite if that does not fall, or if the levels do not. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     const double fall = rates.variance / 2;
     double truncation = 0;
@@ -186,7 +189,7 @@ class FiniteDifference {
     }
     const bool grows =
         deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
-    truncation = seen && fall > 0 && !grows ? truncation / (1 - std::exp2(-fall))
+    truncation = seen && fall > 0 && !grows ? 2 * truncation / (1 - std::exp2(-fall))
                                             : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
     std::ostringstream text;
@@ -218,16 +221,18 @@ class FiniteDifference {
   static constexpr int max_extrapolations = 6;
   static constexpr std::uint64_t size_draws = 32;
   static constexpr double draws_per_kurtosis = 10;
+  static constexpr std::int64_t last_stored_step = 1023;
+  static constexpr bool is_random = detail::RandomFunction<F>;
 
   [[nodiscard]] bool is_central() const { return options_.kind == Difference::central; }
   [[nodiscard]] bool is_second() const { return options_.kind == Difference::second; }
   [[nodiscard]] double weight(int i) const { return weights_[static_cast<std::size_t>(i)]; }
 
-  // The quotients of one draw, f(at) evaluated once.
+  // The quotients of one draw, f(at) evaluated once: for all draws where f is not random.
   class Quotients {
    public:
     Quotients(const FiniteDifference& d, const Stream& rng) : d_(d), rng_(rng) {
-      if (!d.is_central()) here_ = detail::evaluate(d.f_, d.at_, rng);
+      if (is_random && !d.is_central()) here_ = detail::evaluate(d.f_, d.at_, rng);
     }
     value_type operator()(std::int64_t level) const {
       const double h = d_.step(level);
@@ -235,18 +240,20 @@ class FiniteDifference {
       if (d_.is_central()) {
         return over(debias::difference(std::move(up), detail::evaluate(d_.f_, d_.at_ - h, rng_)), 2 * h);
       }
-      value_type rise = debias::difference(std::move(up), *here_);
+      value_type rise = debias::difference(std::move(up), here());
       if (!d_.is_second()) return over(std::move(rise), h);
       const value_type before =
-          debias::difference(value_type(*here_), detail::evaluate(d_.f_, d_.at_ - h, rng_));
+          debias::difference(value_type(here()), detail::evaluate(d_.f_, d_.at_ - h, rng_));
       return over(over(debias::difference(std::move(rise), before), h), h);
     }
     [[nodiscard]] double work(int quotients) const {
-      return (d_.is_central() ? 0.0 : 1.0) +
+      return (is_random && !d_.is_central() ? 1.0 : 0.0) +
              quotients * (d_.options_.kind == Difference::forward ? 1.0 : 2.0);
     }
 
    private:
+    [[nodiscard]] const value_type& here() const { return is_random ? *here_ : *d_.here_; }
+
     const FiniteDifference& d_;
     const Stream& rng_;
     std::optional<value_type> here_;
@@ -254,6 +261,10 @@ class FiniteDifference {
 
   // The step as it acts: x + h is a number of the machine, and not the one that h = h_0 ratio^level asks for.
   [[nodiscard]] double step(std::int64_t level) const {
+    const auto i = static_cast<std::size_t>(level);
+    return i < steps_.size() ? steps_[i] : step_of(level);
+  }
+  [[nodiscard]] double step_of(std::int64_t level) const {
     const double moved = at_ + options_.first_step * std::pow(options_.ratio, static_cast<double>(level));
     return moved - at_;
   }
@@ -283,10 +294,11 @@ class FiniteDifference {
   void measure_size() {
     double here = 0;
     double change = 0;
-    const std::uint64_t draws = detail::RandomFunction<F> ? size_draws : 1;
+    const std::uint64_t draws = is_random ? size_draws : 1;
     for (std::uint64_t i = 0; i < draws; ++i) {
       const Stream rng = split(Stream(0, i), Branch::pilot);
       const value_type f = detail::evaluate(f_, at_, rng);
+      if (!is_random) here_ = f;
       const double size = as_scalar(f);
       const double moved =
           as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
@@ -336,6 +348,8 @@ class FiniteDifference {
   double at_;
   DifferenceOptions options_;
   std::array<double, max_extrapolations + 1> weights_{};
+  std::optional<value_type> here_;  // f(at), where f is not random
+  std::vector<double> steps_;
   double size_ = 0;
   double change_ = 0;
   std::int64_t last_level_ = 0;

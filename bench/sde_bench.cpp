@@ -1,0 +1,92 @@
+// Milstein paths of geometric Brownian motion against plain loops: plain/..., ratio of times, alternating in one run.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include <benchmark/benchmark.h>
+
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/sde.hpp>
+
+#include "media.hpp"
+
+namespace debias::bench {
+namespace {
+
+constexpr double r = 0.05;
+constexpr double sigma = 0.2;
+const GeometricBrownianMotion stock{.start = 100, .growth = r, .volatility = sigma, .horizon = 1};
+
+double step(double s, double h, double dw) {
+  return s * (1 + r * h + sigma * dw + sigma * sigma / 2 * (dw * dw - h));
+}
+double call(double s) { return std::exp(-r) * std::max(s - 100, 0.0); }
+
+int plain_level(Stream& rng, double log_q) { return static_cast<int>(std::log(rng.uniform()) / log_q) + 1; }
+
+void plain_european(benchmark::State& state) {
+  const Geometric law = Geometric::with_exponent(1.3);
+  const auto plain = [p = law.mass(0)](Stream& rng) {
+    const int level = plain_level(rng, std::log1p(-p));
+    const double base = call(step(100, 1, rng.normal()));
+    const int n = 1 << level;
+    const double h = 1.0 / n;
+    const double root = std::sqrt(h);
+    double fine = 100;
+    double coarse = 100;
+    for (int i = 0; i < n; i += 2) {
+      const double dw1 = root * rng.normal();
+      const double dw2 = root * rng.normal();
+      fine = step(step(fine, h, dw1), h, dw2);
+      coarse = step(coarse, 2 * h, dw1 + dw2);
+    }
+    return base + (call(fine) - call(coarse)) / (p * std::pow(1 - p, level - 1));
+  };
+  compare(state, single_term(milstein(stock, call), law), plain);
+}
+BENCHMARK(plain_european)->Name("plain/milstein/european")->Iterations(1)->Unit(benchmark::kMillisecond);
+
+void plain_lookback(benchmark::State& state) {
+  const Geometric law = Geometric::with_exponent(1.3);
+  const auto bridge = [](double low, double from, double to, double b, double h, double u) {
+    const double rise = to - from;
+    return std::min(low, (from + to - std::sqrt(rise * rise - 2 * b * b * h * std::log(u))) / 2);
+  };
+  const auto pay = [](double end, double low) { return std::exp(-r) * (end - low); };
+  const auto plain = [p = law.mass(0), bridge, pay](Stream& rng) {
+    const int level = plain_level(rng, std::log1p(-p));
+    const double end = step(100, 1, rng.normal());
+    const double base = pay(end, bridge(1e300, 100, end, sigma * 100, 1, rng.uniform()));
+    const int n = 1 << level;
+    const double h = 1.0 / n;
+    const double root = std::sqrt(h);
+    double fine = 100;
+    double coarse = 100;
+    double fine_low = 1e300;
+    double coarse_low = 1e300;
+    for (int i = 0; i < n; i += 2) {
+      const double dw1 = root * rng.normal();
+      const double u1 = rng.uniform();
+      const double dw2 = root * rng.normal();
+      const double u2 = rng.uniform();
+      const double middle = step(fine, h, dw1);
+      fine_low = bridge(fine_low, fine, middle, sigma * fine, h, u1);
+      fine = step(middle, h, dw2);
+      fine_low = bridge(fine_low, middle, fine, sigma * middle, h, u2);
+      const double b = sigma * coarse;
+      const double next = step(coarse, 2 * h, dw1 + dw2);
+      const double half = (coarse + next + b * (dw1 - dw2)) / 2;
+      coarse_low = bridge(bridge(coarse_low, coarse, half, b, h, u1), half, next, b, h, u2);
+      coarse = next;
+    }
+    return base + (pay(fine, fine_low) - pay(coarse, coarse_low)) / (p * std::pow(1 - p, level - 1));
+  };
+  const auto payoff = [](const Minimum& path) { return std::exp(-r) * (path.terminal - path.minimum); };
+  compare(state, single_term(milstein(stock, Minimum{}, payoff), law), plain);
+}
+BENCHMARK(plain_lookback)->Name("plain/milstein/lookback")->Iterations(1)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace debias::bench
