@@ -1,4 +1,5 @@
-// Milstein paths of geometric Brownian motion against plain loops: plain/..., ratio of times, alternating in one run.
+// Milstein paths of geometric Brownian motion against plain loops: plain/..., ratio of times, alternating in
+// one run.
 
 #include <algorithm>
 #include <cmath>

@@ -235,7 +235,8 @@ TEST_CASE(
     }
     CHECK(std::abs(least_level - own) <= 3);
     CHECK(rounding_seen > 0.1);  // the bound is not generous
-    // power check: a bound without its rounding term, h |f''| / 2 < 2^-43, would have failed at the deepest level
+    // power check: a bound without its rounding term, h |f''| / 2 < 2^-43, would have failed at the deepest
+    // level
     const auto deep = finite_difference(t.f, t.at, {.first_step = t.first_step, .last_level = 44});
     CHECK(std::abs(deep.value_at(44, unused).value - t.truth) > std::ldexp(1.0, -40));
   }

@@ -134,7 +134,8 @@ TEST_CASE("the walk is refused where its weights have infinite variance although
                     Catch::Contains("1.44") && Catch::Contains("neumann"));
   const Vector2d exact = (Matrix2d::Identity() - spiral).inverse() * source;
   CHECK(agrees(roulette(neumann(spiral, source, first)), exact[0]));
-  // the second moments of the weights do what M says: E W_k^2 = sum_j (M^k)_0j = 1.44^k, for any number of walks
+  // the second moments of the weights do what M says: E W_k^2 = sum_j (M^k)_0j = 1.44^k, for any number of
+  // walks
   const Matrix2d mild = 0.8 * spiral;  // 0.64 * 1.44 < 1
   const auto walk = neumann_walk(mild, Vector2d(1, 1), first);
   for (std::uint64_t i = 0; i < 100; ++i) {

@@ -327,7 +327,8 @@ TEST_CASE(
 
 TEST_CASE("D14: truncation of the path depth, debiased by roulette, is classical Russian roulette",
           "[series][statistical]") {
-  // A light path in a furnace whose walls emit: the albedo is 0.8 everywhere, the emission depends on where it is.
+  // A light path in a furnace whose walls emit: the albedo is 0.8 everywhere, the emission depends on where
+  // it is.
   constexpr double albedo = 0.8;
   struct Vertex {
     double position;

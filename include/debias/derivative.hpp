@@ -40,8 +40,8 @@ namespace debias {
 
 enum class Difference { forward, central, second };
 
-/// What a level beyond the last one does: give the last one again, with a difference of 0 and the bias that this
-/// means in the result; or throw std::length_error (a run that throws and is repeated is biased, too).
+/// What a level beyond the last one does: give the last one again, with a difference of 0 and the bias that
+/// this means in the result; or throw std::length_error (a run that throws and is repeated is biased, too).
 enum class BeyondLast { truncates, throws };
 
 struct DifferenceOptions {
@@ -85,7 +85,8 @@ auto evaluate(const F& f, double x, const Stream& rng) {
 
 }  // namespace detail
 
-/// A BiasedSequence; the work is the number of evaluations of f, but for f(at) where f is not random: that is kept. The caller's stream stays where it is.
+/// A BiasedSequence; the work is the number of evaluations of f, but for f(at) where f is not random: that is
+/// kept. The caller's stream stays where it is.
 template <ParameterFunction F>
 class FiniteDifference {
  public:
@@ -160,9 +161,10 @@ class FiniteDifference {
   /// The deepest level with a difference of its own.
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
 
-  /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares of
-  /// the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;
-  /// infinite if that does not fall, or if the levels do not. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
+  /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares
+  /// of the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;
+  /// infinite if that does not fall, or if the levels do not. Rounding: f within eps of f(x (1 + eps)), its
+  /// size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     const double fall = rates.variance / 2;
     double truncation = 0;
@@ -310,7 +312,8 @@ class FiniteDifference {
     size_ = std::max(std::sqrt(here), change_ / options_.first_step * std::abs(at_));
   }
 
-  // The last level at which the difference, if it falls from change / h_0 at the declared rate, is above rounding.
+  // The last level at which the difference, if it falls from change / h_0 at the declared rate, is above
+  // rounding.
   [[nodiscard]] std::int64_t rounding_level() const {
     if (!(size_ > 0)) return std::numeric_limits<std::int64_t>::max();
     const double power = is_second() ? 2 : 1;
@@ -365,8 +368,8 @@ inline Rates smooth_rates(const DifferenceOptions& options) {
 }  // namespace detail
 
 /// The derivative of f (of E f, when f takes a Stream) at a point: `finite_difference(f, 1.0)`,
-/// `finite_difference(f, 1.0, {.kind = Difference::central})`. Evaluates f at `at` and `at + first_step`, 32 times
-/// if it is random, to know where rounding takes over.
+/// `finite_difference(f, 1.0, {.kind = Difference::central})`. Evaluates f at `at` and `at + first_step`, 32
+/// times if it is random, to know where rounding takes over.
 /// Throws std::invalid_argument for a step that is not positive and finite, or too small beside `at`, a ratio
 /// outside (0, 1), too many extrapolations, or a last level whose step is lost.
 template <ParameterFunction F>
@@ -404,8 +407,8 @@ struct AlongAxis {
 
 }  // namespace detail
 
-/// All partial derivatives of f at a point, each with its own last level, from the same random numbers: column i
-/// of J is the derivative along axis i. The work counts all evaluations.
+/// All partial derivatives of f at a point, each with its own last level, from the same random numbers:
+/// column i of J is the derivative along axis i. The work counts all evaluations.
 template <class F, ArrayValue A, ArrayValue J>
 class PartialDerivatives {
  public:
@@ -488,9 +491,9 @@ PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape,
   return {f, at, shape, options, detail::smooth_rates(options)};
 }
 
-/// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a bias
-/// or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random), real
-/// parts and `<` only must not lose the imaginary part: no abs, no max.
+/// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
+/// bias or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
+/// real parts and `<` only must not lose the imaginary part: no abs, no max.
 template <class F>
 auto complex_step(F f, double at) {
   constexpr double h = 0x1p-300;

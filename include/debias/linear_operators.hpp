@@ -12,7 +12,8 @@
 // Terms fall like rho^k; rho >= 1 (or the radius of convergence of f) is refused, with the estimate. The walk
 // needs more, rho(M) < 1 with M_ij = a_ij^2 / p_ij = |a_ij| r_i: it fails on matrices that the series solves.
 // What breaks rates: A far from normal, whose powers grow before they fall; declare a base level beyond that.
-// All are TermSequences: for `roulette`, or as `levels_of`. Memory: A and two vectors; the walk copies A once.
+// All are TermSequences: for `roulette`, or as `levels_of`. Memory: A and two vectors; the walk copies A
+// once.
 
 #include <algorithm>
 #include <cmath>
@@ -77,9 +78,9 @@ void check_square(const char* name, const A& a, Eigen::Index size) {
 
 }  // namespace detail
 
-/// The spectral radius by power iteration: the mean growth of a random vector over the second half of `steps`.
-/// An estimate: low by a factor 1 - O(1 / steps) where many eigenvalues have nearly the same modulus, 0 for a
-/// nilpotent operator. Costs `steps` applications; the same number every time.
+/// The spectral radius by power iteration: the mean growth of a random vector over the second half of
+/// `steps`. An estimate: low by a factor 1 - O(1 / steps) where many eigenvalues have nearly the same
+/// modulus, 0 for a nilpotent operator. Costs `steps` applications; the same number every time.
 template <LinearOperator A>
 double spectral_radius(const A& a, int steps = 400) {
   Eigen::VectorXd x(a.rows());
@@ -195,10 +196,10 @@ class WalkMatrix {
 
 }  // namespace detail
 
-/// The functional <c, x> of the solution of x = A x + b by the random walk of Ulam and von Neumann: it starts at
-/// i with probability |c_i| / |c|_1 and leaves i for j with p_ij = |a_ij| / sum_j |a_ij|.
-/// Throws std::invalid_argument for sizes that do not fit, c = 0, and when no law has a finite variance: when the
-/// spectral radius of a_ij^2 / p_ij is not below 1.
+/// The functional <c, x> of the solution of x = A x + b by the random walk of Ulam and von Neumann: it starts
+/// at i with probability |c_i| / |c|_1 and leaves i for j with p_ij = |a_ij| / sum_j |a_ij|.
+/// Throws std::invalid_argument for sizes that do not fit, c = 0, and when no law has a finite variance: when
+/// the spectral radius of a_ij^2 / p_ij is not below 1.
 template <LinearOperator A>
   requires(!MatrixFree<A>)
 auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {

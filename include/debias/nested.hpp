@@ -6,10 +6,10 @@
 //   work = 2^k + 1: the inner draws and the outer one
 //
 // E D_k^2 ~ 2^(-2k) for smooth f and four moments. A kink of f inside the range of E[X | Y] has {1.5, 1} and
-// a kurtosis that grows like 2^(k/2): declare it (the value of information, a maximum over decisions, is
-// such a kink). A jump has {0.5, 1}: no law with finite variance and finite work.
-// Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with a
-// finite fourth moment. f has to bear what such estimates may be: beside a large weight they have either sign.
+// a kurtosis that grows like 2^(k/2): declare it (the value of information, a maximum over decisions, is such
+// a kink). A jump has {0.5, 1}: no law with finite variance and finite work.
+// Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with
+// a finite fourth moment. f has to bear what such estimates may be: under a large weight they have either sign.
 // Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).
 
 #include <cstdint>
@@ -41,8 +41,8 @@ struct ConditionalPoints {
 
 }  // namespace detail
 
-/// An unbiased estimator as an inner draw: `make(y)` returns it. Each draw has a stream of its own; its work counts
-/// as one inner draw.
+/// An unbiased estimator as an inner draw: `make(y)` returns it. Each draw has a stream of its own; its work
+/// counts as one inner draw.
 template <class Make>
 auto estimated(Make make) {
   return [make = std::move(make)](const auto& y, Stream& rng) {

@@ -4,13 +4,14 @@
 //
 //   euler      X <- X + a h + b dW                                                    [Maruyama 1955]
 //   milstein   X <- X + a h + b dW + b b_x (dW^2 - h) / 2                             [Milstein 1974]
-//   I_k = payoff(X_T), or payoff(summary of the path); the coarse path adds each pair of increments [Giles 2008]
+//   I_k = payoff(X_T) or payoff(summary of the path); the coarse path adds pairs of increments      [Giles 2008]
 //
 //   Notation: a = drift, b = diffusion, b_x = diffusion_derivative, T = horizon, h = T 2^-k.
-// E D_k^2 ~ 2^(-2 k) under milstein for Lipschitz payoffs of the end, an average or an extreme, 2^(-1.5 k) behind a
-// barrier (declare it), 2^-k under euler: no law has finite variance and work there, unless the noise is additive
-// (b_x = 0, the schemes are one: declare {2, 1}). Payoffs that jump: 2^-k and 2^(-k/2). Coefficients have to be
-// smooth and of linear growth. While a_x h < -2 the path is unstable: put the base level above. Vectors: sde/vector.hpp.
+// Lipschitz payoffs of the end, an average or an extreme: E D_k^2 ~ 2^(-2 k) under milstein, 2^(-1.5 k)
+// behind a barrier (declare it), 2^-k under euler, where no law has finite variance and finite work. With
+// additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
+// Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
+// above.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <cmath>
@@ -159,9 +160,10 @@ class Path {
 
 }  // namespace detail
 
-/// A BiasedSequence; the work is the number of steps of all paths. A step of the finest path draws its increment,
-/// then the number of its bridge, if the summary uses one. An antithetic scheme has a second fine path, with
-/// the increments of each pair in reverse order: I_k is the mean of both, and so is the fine part of D_k.
+/// A BiasedSequence; the work is the number of steps of all paths. A step of the finest path draws its
+/// increment, then the number of its bridge, if the summary uses one. An antithetic scheme has a second fine
+/// path, with the increments of each pair in reverse order: I_k is the mean of both, and so is the fine part
+/// of D_k.
 template <class Step, class M, class Summary, class F>
 class SdeLevels {
   using Path = detail::Path<Step, M, Summary>;

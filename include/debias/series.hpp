@@ -7,10 +7,10 @@
 //   Notation: a_k = term(k), or the mean of term(k, stream). Random terms of one stream are independent, and
 //   term k is the same number whichever others are drawn.
 // Assumes sum E|term k| < infinity; an alternating series may have it only when `paired`. A term on its own
-// costs 1 whatever k, a path of terms (roulette) all of them.
-// Fails where a_k falls like a power of k and the law is geometric: unit increments then have infinite
-// variance, sum E a_k^2 / p_k, and no sample shows it. Declare `polynomial_terms` and take a zeta law, or take
-// `blocks`, whose levels fall geometrically. A deterministic prefix before the random tail is the base level.
+// costs 1 whatever k, a path of terms (roulette) all of them. Fails where a_k falls like a power of k and the
+// law is geometric: unit increments then have infinite variance, sum E a_k^2 / p_k, and no sample shows it.
+// Declare `polynomial_terms` and take a zeta law, or take `blocks`, whose levels fall geometrically. A
+// deterministic prefix before the random tail is the base level.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <cmath>
@@ -203,7 +203,8 @@ auto paired(const RatedSeries<T>& s) {
   return RatedSeries<Pair>(Pair{s.terms()}, rates, 2 * s.work_per_term());
 }
 
-/// The same series by dyadic blocks: level 0 is term 0, level k the terms 2^(k-1) ... 2^k - 1, for as much work.
+/// The same series by dyadic blocks: level 0 is term 0, level k the terms 2^(k-1) ... 2^k - 1, for as much
+/// work.
 template <SeriesTerm T>
 class Blocks {
  public:
@@ -257,9 +258,9 @@ Blocks<T> blocks(const Series<T>& s, const Rates& rates) {
   return {s, rates};
 }
 
-/// Blocks with the rates that the terms imply: a_k ~ k^-s makes blocks like 2^((1 - s) k), so that some law has
-/// finite variance and finite work when s > 3/2; geometric terms make blocks that fall faster than any rate.
-/// For terms of one sign; pair an alternating series first.
+/// Blocks with the rates that the terms imply: a_k ~ k^-s makes blocks like 2^((1 - s) k), so that some law
+/// has finite variance and finite work when s > 3/2; geometric terms make blocks that fall faster than any
+/// rate. For terms of one sign; pair an alternating series first.
 template <SeriesTerm T>
 Blocks<T> blocks(const RatedSeries<T>& s) {
   if (s.rates.decay == Decay::geometric) return {s, Rates{Rates::faster_than_any, 1}};
@@ -267,9 +268,9 @@ Blocks<T> blocks(const RatedSeries<T>& s) {
 }
 
 /// The terms of a series along one path: term k is read off the state that `start` gives and `advance` has
-/// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth k
-/// adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the albedo,
-/// `roulette` is then classical Russian roulette: the weight cancels the throughput.
+/// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth
+/// k adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the
+/// albedo, `roulette` is then classical Russian roulette: the weight cancels the throughput.
 template <class Start, class Advance, class Read>
 class PathSeries {
   using State = std::remove_cvref_t<std::invoke_result_t<const Start&, Stream&>>;
@@ -308,8 +309,8 @@ class PathSeries {
   Read read_;
 };
 
-/// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1 a
-/// term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
+/// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1
+/// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
 template <class Start, class Advance, class Read>
 PathSeries<Start, Advance, Read> path_series(Start start, Advance advance, Read read, const Rates& rates) {
   return {std::move(start), std::move(advance), std::move(read), rates};

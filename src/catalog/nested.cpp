@@ -65,8 +65,8 @@ Problem nested_exp() {
 
 Problem doubly_nested_exp() {
   // The inner mean is E[(E[Z|Y])^2|X] = X^2 + 1: an inner draw is itself an unbiased estimate of a nested
-  // expectation. Such estimates may be negative, the mean never is: f is extended below 0 by a constant, where
-  // exp(-m) would have no mean.
+  // expectation. Such estimates may be negative, the mean never is: f is extended below 0 by a constant,
+  // where exp(-m) would have no mean.
   const auto given_x = [](double x) {
     const auto y = [x](Stream& rng) { return x + rng.normal(); };
     return single_term(nested(y, normal_around, functions::Square{}), Geometric::with_exponent(1.2));

@@ -107,7 +107,8 @@ Problem furnace() {
 }
 
 Problem facing_walls() {
-  // A light path between the walls: state i holds the wall, the weight the albedos so far; E_i = 1 is what it emits.
+  // A light path between the walls: state i holds the wall, the weight the albedos so far; E_i = 1 is what it
+  // emits.
   struct Path {
     int wall;
     double weight;

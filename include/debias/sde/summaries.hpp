@@ -1,15 +1,15 @@
 #pragma once
 
-// What a path leaves behind, beside its end: an average, an extreme, the probability not to have crossed a barrier.
+// What a path leaves behind beside its end: an average, an extreme, the probability to stay off a barrier.
 //
 //   bridge from x to y in time h under a constant diffusion b:                              [Giles 2008b]
 //   minimum   (x + y - sqrt((y - x)^2 - 2 b^2 h log u)) / 2                      u uniform
 //   integral  h (x + y) / 2 + b sqrt(h^3 / 12) z                                 z normal
 //   stays above B with probability 1 - exp(-2 (x - B)^+ (y - B)^+ / (b^2 h))
 //
-// A summary is copied once a path and sees its steps in order. One that takes bridges sees the coarse path with
-// the middle of each step filled in, and the numbers u of the fine one: then D_k is small, and E I_k the same.
-// Fails where the diffusion vanishes inside the path: b = 0 is no bridge but a line.
+// A summary is copied once a path and sees its steps in order. One that takes bridges sees the coarse path
+// with the middle of each step filled in, and the numbers u of the fine one: then D_k is small, and E I_k the
+// same. Fails where the diffusion vanishes inside the path: b = 0 is no bridge but a line.
 // Source: Giles, Improved multilevel Monte Carlo convergence using the Milstein scheme, MCQMC 2006 (2008).
 
 #include <algorithm>

@@ -9,8 +9,9 @@
 //
 //   Notation: a = drift, B = diffusion, (v . grad) B = diffusion_along(x, t, v).
 // E D_k^2 ~ 2^-k under euler and, where the noise does not commute ((b_i . grad) b_j != (b_j . grad) b_i),
-// under milstein; 2^(-2 k) under milstein where it does. antithetic_milstein needs no such condition: 2^(-2 k)
-// for payoffs with two derivatives, 2^(-1.5 k) for those with kinks (declare it); it costs 5/3 of milstein.
+// under milstein; 2^(-2 k) under milstein where it does. antithetic_milstein needs no such condition:
+// 2^(-2 k) for payoffs with two derivatives, 2^(-1.5 k) for those with kinks (declare it). It costs 5/3 of
+// milstein.
 // Source: Giles & Szpruch, Ann. Appl. Probab. 24 (2014).
 
 #include <concepts>
@@ -24,8 +25,9 @@
 
 namespace debias {
 
-/// A struct with `start` (a column vector of Eigen), `horizon`, `drift(x, t)`, a vector, and `diffusion(x, t)`, a
-/// matrix with a row for each component and a column for each Brownian motion. Of fixed size, nothing allocates.
+/// A struct with `start` (a column vector of Eigen), `horizon`, `drift(x, t)`, a vector, and `diffusion(x,
+/// t)`, a matrix with a row for each component and a column for each Brownian motion. Of fixed size, nothing
+/// allocates.
 template <class M>
 concept VectorSde = requires(const M& m, double t) {
   requires std::derived_from<detail::state_of<M>, Eigen::MatrixBase<detail::state_of<M>>>;
