@@ -75,7 +75,11 @@ struct EulerStep {
   static constexpr bool is_antithetic = false;
 
   template <ScalarSde M>
-  static double increment(const M& /*model*/, double sqrt_h, Stream& rng) {
+  static std::int64_t noises(const M& /*model*/) {
+    return 1;
+  }
+  template <ScalarSde M>
+  static double increment(std::int64_t /*noises*/, double sqrt_h, Stream& rng) {
     return sqrt_h * rng.normal();
   }
   template <ScalarSde M>
@@ -167,6 +171,10 @@ class Path {
 template <class Step, class M, class Summary, class F>
 class SdeLevels {
   using Path = detail::Path<Step, M, Summary>;
+  struct NoPath {
+    NoPath(const M& /*model*/, const Summary& /*summary*/) {}
+  };
+  using Twin = std::conditional_t<Step::is_antithetic, Path, NoPath>;
 
  public:
   using value_type = std::remove_cvref_t<decltype(std::declval<const Path&>().pay(std::declval<const F&>()))>;
@@ -179,6 +187,7 @@ class SdeLevels {
       text << "sde: horizon = " << model_.horizon << " (must be positive and finite)";
       throw std::invalid_argument(text.str());
     }
+    noises_ = Step::noises(model_);
   }
 
   /// Throws std::length_error above last_level.
@@ -191,14 +200,14 @@ class SdeLevels {
     const double h = model_.horizon / static_cast<double>(steps);
     const double sqrt_h = std::sqrt(h);
     Path fine(model_, summary_);
-    Path twin(model_, summary_);
+    [[maybe_unused]] Twin twin(model_, summary_);
     Path coarse(model_, summary_);
     for (std::int64_t i = 0; i < steps; i += 2) {
       const double t = static_cast<double>(i) * h;
       const double middle = static_cast<double>(i + 1) * h;
-      const auto dw1 = Step::increment(model_, sqrt_h, rng);
+      const auto dw1 = Step::template increment<M>(noises_, sqrt_h, rng);
       const double u1 = bridge_number(rng);
-      const auto dw2 = Step::increment(model_, sqrt_h, rng);
+      const auto dw2 = Step::template increment<M>(noises_, sqrt_h, rng);
       const double u2 = bridge_number(rng);
       fine.step(t, h, dw1, u1);
       fine.step(middle, h, dw2, u2);
@@ -224,7 +233,7 @@ class SdeLevels {
     const double sqrt_h = std::sqrt(h);
     Path path(model_, summary_);
     for (std::int64_t i = 0; i < steps; ++i) {
-      const auto dw = Step::increment(model_, sqrt_h, rng);
+      const auto dw = Step::template increment<M>(noises_, sqrt_h, rng);
       path.step(static_cast<double>(i) * h, h, dw, bridge_number(rng));
     }
     return {path.pay(payoff_), static_cast<double>(steps)};
@@ -251,6 +260,7 @@ class SdeLevels {
   M model_;
   Summary summary_;
   F payoff_;
+  std::int64_t noises_ = 1;
 };
 
 /// What is wanted of the path: a Value computed from X_T.

@@ -51,9 +51,14 @@ struct VectorEulerStep {
     return model.diffusion(x, t).eval();
   }
   template <VectorSde M>
-  static auto increment(const M& model, double sqrt_h, Stream& rng) {
-    using Matrix = decltype(diffusion(model, model.start, 0));
-    Eigen::Matrix<double, Matrix::ColsAtCompileTime, 1> dw(noises(model));
+  static std::int64_t noises(const M& model) {
+    return model.diffusion(model.start, 0).cols();
+  }
+  template <VectorSde M>
+  static auto increment(std::int64_t noises, double sqrt_h, Stream& rng) {
+    using Matrix =
+        decltype(diffusion(std::declval<const M&>(), std::declval<const detail::state_of<M>&>(), 0));
+    Eigen::Matrix<double, Matrix::ColsAtCompileTime, 1> dw(noises);
     for (Eigen::Index j = 0; j < dw.size(); ++j) dw[j] = sqrt_h * rng.normal();
     return dw;
   }
@@ -61,14 +66,6 @@ struct VectorEulerStep {
   static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, double t, double h,
                                      const B& b, const Noise& dw) {
     return x + model.drift(x, t) * h + b * dw;
-  }
-
- private:
-  template <VectorSde M>
-  static Eigen::Index noises(const M& model) {
-    using Matrix = decltype(diffusion(model, model.start, 0));
-    if constexpr (Matrix::ColsAtCompileTime != Eigen::Dynamic) return Matrix::ColsAtCompileTime;
-    return model.diffusion(model.start, 0).cols();
   }
 };
 
