@@ -48,6 +48,23 @@ TEST_CASE("a law is refused exactly where no law has finite variance and finite 
   CHECK(refused == std::vector<std::string>{"C12", "E06"});
 }
 
+TEST_CASE("a refused cell says which rates leave no law", "[catalog][exact]") {
+  const std::map<std::string, std::string> reasons = {{"C12", "E D_k^2 ~ 2^(1 k), work ~ 2^(0 k)"},
+                                                      {"E06", "E D_k^2 ~ 2^(-1 k), work ~ 2^(1 k)"}};
+  for (const auto& [id, rates] : reasons) {
+    const Report report = validate({&find(id)}, {.samples = 100});
+    CHECK(report.passed + report.failed == 0);
+    int refused = 0;
+    for (const Cell& cell : report.cells) {
+      if (cell.status != Status::refused) continue;
+      ++refused;
+      CHECK_FALSE(cell.has_run);
+      CHECK_THAT(cell.reason, Catch::Contains("no law has both finite variance and finite work: " + rates));
+    }
+    CHECK(refused == 4);
+  }
+}
+
 TEST_CASE("every law that validation chooses has finite variance and finite work for its estimator",
           "[catalog][exact]") {
   for (const Problem& p : problems()) {

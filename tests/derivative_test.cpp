@@ -14,7 +14,9 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/estimators/stratified.hpp>
 #include <debias/pmf/geometric.hpp>
+#include <debias/recipe.hpp>
 #include <debias/survey.hpp>
 
 #include "catch_shim.hpp"
@@ -252,6 +254,13 @@ TEST_CASE("the bound of a run is in its result, printed, and kept by a merge", "
   std::ostringstream text;
   text << a;
   CHECK_THAT(text.str(), Catch::Contains("at most") && Catch::Contains("end at level"));
+  // strata keep it, and so does a recipe
+  const auto in_blocks = estimate(stratified(s, 64), {.samples = 4096});
+  CHECK(in_blocks.bias_bound.size > 0);
+  CHECK(in_blocks.bias_bound.size < 1e-6);
+  const auto by_recipe = estimate(recipe(finite_difference([](double x) { return std::sin(x); }, 1.0)),
+                                  {.samples = 4096});
+  CHECK(by_recipe.bias_bound.size > 0);
   // an unbiased estimator states none, and a rate that does not fall bounds nothing
   CHECK(estimate(single_term(finite_difference([](double x) { return x; }, 1.0, {}, {2, 0}), Geometric(0.5)),
                  {.samples = 64})

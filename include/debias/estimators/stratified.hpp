@@ -22,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/value.hpp>
@@ -91,6 +92,10 @@ class Stratified {
   [[nodiscard]] double probability(std::int64_t level) const { return estimator_.probability(level); }
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
+  /// Strata leave the mean of a member where it is.
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
+    return estimator_.bias_bound(levels);
+  }
 
   [[nodiscard]] std::string describe() const {
     return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
