@@ -29,7 +29,9 @@ constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
 constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
-constexpr double bend = 0.1;              // octaves that a second moment may lie beside the fitted line
+constexpr double never_seen =
+    1e-6;                     // of a second moment, for the one of a base that showed nothing but zeros
+constexpr double bend = 0.1;  // octaves that a second moment may lie beside the fitted line
 
 std::string text(const char* pattern, double x) {
   char out[64];
@@ -224,6 +226,10 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
     t.work[0] = base.value_work;
+    if (t.variance[0] + t.mean_square[0] ==
+        0) {  // a base that is zero in every draw still has to be an outcome
+      t.variance[0] = never_seen * *std::max_element(t.variance.begin(), t.variance.end());
+    }
     if (t.block == 1) t.fixed_variance = -limit * limit;
     return t;
   }
