@@ -22,13 +22,16 @@ constexpr double most_base_work = 64;     // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
 constexpr double fewest_blocks = 2048;
 constexpr std::int64_t largest_block = 4096;
-constexpr double shared_share = 1.0 / 8;      // of the draws of a level, to compare bases
-constexpr std::size_t levels_beyond = 4;      // of the survey that the table of a law holds
-constexpr std::size_t levels_predicted = 48;  // of the survey that a prediction sums over
+constexpr double shared_share = 1.0 / 8;       // of the draws of a level, to compare bases
+constexpr std::size_t levels_beyond = 4;       // of the survey that the table of a law holds
+constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
+constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
 constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
-constexpr double bend = 0.1;              // octaves that a second moment may lie beside the fitted line
+constexpr double never_seen =
+    1e-6;                     // of a second moment, for the one of a base that showed nothing but zeros
+constexpr double bend = 0.1;  // octaves that a second moment may lie beside the fitted line
 
 std::string text(const char* pattern, double x) {
   char out[64];
@@ -129,6 +132,10 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
 }  // namespace
 
 LevelModel model_of(const Survey& s, std::int64_t levels) {
+  if (levels == 0) {
+    levels = static_cast<std::int64_t>(s.rows.size()) +
+             (s.rates.kind == RateKind::polynomial ? slow_levels_predicted : levels_predicted);
+  }
   const auto n = static_cast<std::size_t>(levels);
   LevelModel m;
   const std::vector<double> a = believed_squares(s, n);
@@ -173,11 +180,17 @@ double tail_exponent_for(const MeasuredRates& r) {
 
 namespace {
 
-// The limit, as well as the levels know it.
-double limit_of(const Survey& survey) {
+// The limit, as well as the levels know it; beyond them the means go on as the model says, with the last sign.
+double limit_of(const Survey& survey, const LevelModel& model) {
   double sum = survey.rows.front().mean;
+  double last = 0;
   for (const SurveyRow& r : survey.rows) {
-    if (r.level > 0 && r.votes) sum += r.difference;
+    if (r.level == 0 || !r.votes) continue;
+    sum += r.difference;
+    last = r.difference;
+  }
+  for (std::size_t k = survey.rows.size(); k < model.size(); ++k) {
+    sum += std::copysign(std::sqrt(model.mean_square[k]), last);
   }
   return sum;
 }
@@ -208,11 +221,15 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
   t.variance = slice(model.variance);
   t.mean_square = slice(model.mean_square);
   t.work = slice(model.work);
-  const double limit = limit_of(survey);
+  const double limit = limit_of(survey, model);
   if (setup.base == Base::drawn) {
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
     t.work[0] = base.value_work;
+    if (t.variance[0] + t.mean_square[0] ==
+        0) {  // a base that is zero in every draw still has to be an outcome
+      t.variance[0] = never_seen * *std::max_element(t.variance.begin(), t.variance.end());
+    }
     if (t.block == 1) t.fixed_variance = -limit * limit;
     return t;
   }
@@ -259,7 +276,7 @@ class Choice {
  public:
   Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, Advice& advice)
       : runs_(runs), plan_(plan), options_(options), advice_(advice), survey_(advice.survey) {
-    model_ = model_of(survey_, static_cast<std::int64_t>(survey_.rows.size() + levels_predicted));
+    model_ = model_of(survey_);
   }
 
   void choose() {

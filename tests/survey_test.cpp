@@ -206,3 +206,52 @@ TEST_CASE("the rates that the catalogue declares are the rates that a survey mea
     CHECK(s.law_exists == Answer::yes);
   }
 }
+
+namespace {
+
+// Answers of blind surveys that contradict the declared rates, and those that dare not tell.
+struct Answers {
+  int wrong = 0;
+  int open = 0;   // where beta - gamma is at least 0.3 from the border
+  int clear = 0;  // of that many
+  int surveys = 0;
+};
+
+Answers ask(double work, std::uint64_t seeds) {
+  Answers a;
+  for (const catalog::Problem& p : catalog::problems()) {
+    const double unit = p.levels.work(0, {.samples = 16}).first;
+    const ExponentRange range = finite_exponents(p.rates);
+    const bool clear = std::abs(range.high - range.low) >= 0.3;
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+      const Answer answer =
+          survey_within(p.levels, work * unit, {.samples = 1 << 16, .seed = seed}).law_exists;
+      ++a.surveys;
+      a.clear += clear ? 1 : 0;
+      if (answer == Answer::cannot_tell) {
+        a.open += clear ? 1 : 0;
+      } else if ((answer == Answer::yes) != law_exists(p.rates)) {
+        ++a.wrong;
+      }
+    }
+  }
+  return a;
+}
+
+}  // namespace
+
+TEST_CASE("blind surveys of the catalogue are wrong in under 1 percent and silent in under 20",
+          "[survey][statistical][stat]") {
+  const Answers a = ask(2e5, 2);
+  CAPTURE(a.wrong, a.open, a.clear, a.surveys);
+  CHECK(100 * a.wrong < a.surveys);
+  CHECK(5 * a.open < a.clear);
+}
+
+TEST_CASE("fifty blind surveys of each problem are wrong in under 1 percent and silent in under 20",
+          "[survey][statistical][.long]") {
+  const Answers a = ask(2e6, 50);
+  WARN("wrong " << a.wrong << " of " << a.surveys << ", cannot tell " << a.open << " of " << a.clear);
+  CHECK(100 * a.wrong < a.surveys);
+  CHECK(5 * a.open < a.clear);
+}

@@ -42,8 +42,8 @@ struct LevelModel {
   [[nodiscard]] std::size_t size() const { return work.size(); }
 };
 
-/// The first `levels` levels, whether the survey has seen them or not.
-LevelModel model_of(const Survey& survey, std::int64_t levels);
+/// The first `levels` levels, whether the survey has seen them or not; 0 stands for as many as matter to a law.
+LevelModel model_of(const Survey& survey, std::int64_t levels = 0);
 
 /// A single-term estimator, but for its law.
 struct Setup {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <exception>
 #include <limits>
 #include <ostream>
 #include <stdexcept>
@@ -22,8 +23,7 @@
 namespace debias::cli {
 namespace {
 
-constexpr std::size_t levels_predicted = 64;  // beyond those of the pilot
-constexpr double pilot_share = 0.25;          // of the draws of all measurements together
+constexpr double pilot_share = 0.25;  // of the draws of all measurements together
 constexpr double least_pilot = 1 << 17;
 
 struct Family {
@@ -62,6 +62,26 @@ std::pair<double, double> parameters(const Family& family, const MeasuredRates& 
 TradeoffPoint predicted(const AnyPmf& law, const MeasuredRates& rates, const TermMoments& moments) {
   TradeoffPoint point{law, judge(rates, law.tail_exponent()), predict(moments, law)};
   return point;
+}
+
+// A law so slow that a level does not fit 64 bits, or memory, stays without a measurement.
+void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& plan,
+             const catalog::Problem& problem) {
+  try {
+    const Statistics s = problem.run(choice, plan);
+    const auto block = static_cast<double>(choice.block);
+    point.measured = true;
+    point.variance = s.components.front().variance * block;
+    point.work = s.work_per_sample() / block;
+    point.efficiency = s.efficiency();
+  } catch (const SampleError& e) {
+    try {
+      std::rethrow_if_nested(e);
+    } catch (const std::length_error&) {
+      return;
+    }
+    throw;
+  }
 }
 
 std::string regions(const TradeoffPoint& p) {
@@ -146,8 +166,7 @@ int tradeoff(const Arguments& arguments) {
     throw std::invalid_argument("--base-level = '" + std::to_string(shape.base_level) +
                                 "' (the pilot does not reach it); a lower one, or more --samples");
   }
-  const LevelModel model =
-      model_of(t.survey, static_cast<std::int64_t>(t.survey.rows.size() + levels_predicted));
+  const LevelModel model = model_of(t.survey);
   const TermMoments moments = term_moments(problem.levels, t.survey, model, t.setup, pilot);
   t.optimum = predict(moments, best_masses(moments)).product();
   t.bound = bound_of(t.survey, model, t.setup.base_level);
@@ -165,11 +184,7 @@ int tradeoff(const Arguments& arguments) {
         choice.law = point.law;
         Plan run = plan;
         run.samples = std::max<std::int64_t>(2, plan.samples / shape.block);
-        const Statistics s = problem.run(choice, run);
-        point.measured = true;
-        point.variance = s.components.front().variance * static_cast<double>(shape.block);
-        point.work = s.work_per_sample() / static_cast<double>(shape.block);
-        point.efficiency = s.efficiency();
+        measure(point, choice, run, problem);
       }
       t.points.push_back(std::move(point));
     }
