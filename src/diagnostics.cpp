@@ -49,12 +49,23 @@ Finiteness opposite(Finiteness f) {
   return f == Finiteness::finite ? Finiteness::infinite : Finiteness::finite;
 }
 
-std::string with_error_of(const FittedRate& rate) {
+// Nothing that falls faster than any rate can be told from another such thing by rates.
+constexpr const char* beyond_rates =
+    "differences and law both fall faster than any rate: it is finite iff sum E D_k^2 / p_k converges, which "
+    "the "
+    "levels of a run show";
+
+std::string exponent_text(double x) {
+  if (std::isinf(x)) return "faster than any";
   std::ostringstream text;
   text.precision(3);
-  text << rate.value;
-  if (!std::isinf(rate.value)) text << " +- " << rate.error;
+  text << x;
   return text.str();
+}
+
+std::string with_error_of(const FittedRate& rate) {
+  if (std::isinf(rate.value)) return exponent_text(rate.value);
+  return exponent_text(rate.value) + " +- " + exponent_text(rate.error);
 }
 
 }  // namespace
@@ -67,6 +78,8 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
   MeasuredVerdict v;
   v.variance = finite_below(rho, measured.variance.value - step, measured.variance.error);
   v.fourth_moment = finite_below(3 * rho, measured.fourth.value - step, measured.fourth.error);
+  const bool decided = measured.kind != RateKind::super_exponential || std::isfinite(rho);
+  if (!decided) v.variance = Finiteness::undecided;
   if (v.variance != Finiteness::finite) v.fourth_moment = v.variance;
   // A power law beside work that does not grow: every depth is paid for.
   const bool flat = !polynomial && measured.work.value <= confidence_of_rates * measured.work.error;
@@ -80,19 +93,24 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
 
   std::ostringstream text;
   text.precision(3);
-  text << "variance " << name_of(v.variance) << " (law exponent " << rho << ", threshold "
-       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work " << name_of(v.work)
-       << " (threshold " << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
+  text << "variance " << name_of(v.variance) << " (law exponent " << exponent_text(rho) << ", threshold "
+       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work "
+       << name_of(v.work) << " (threshold "
+       << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
        << with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
     text << ": the standard error is too small most of the time; take a law with a smaller exponent";
   } else if (v.work == Finiteness::infinite) {
     text << ": no run ends its expected work; take a law with a larger exponent";
+  } else if (!decided) {
+    text << ": " << beyond_rates;
   } else if (v.variance == Finiteness::undecided || v.work == Finiteness::undecided) {
-    text << ": the rates are not known well enough; survey with more draws or deeper levels, or move the exponent away "
+    text << ": the rates are not known well enough; survey with more draws or deeper levels, or move the "
+            "exponent away "
             "from the threshold";
   } else if (v.fourth_moment != Finiteness::finite) {
-    text << ": the fourth moment is " << name_of(v.fourth_moment) << ", so the standard error converges slowly";
+    text << ": the fourth moment is " << name_of(v.fourth_moment)
+         << ", so the standard error converges slowly";
   }
   v.sentence = text.str();
   return v;
@@ -116,12 +134,13 @@ BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   }
   const auto groups = static_cast<std::size_t>(std::ceil(-8 * std::log(delta)));
   if (values.size() < groups) {
-    throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) + " values (must be at least " +
-                                std::to_string(groups) + " for this delta)");
+    throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) +
+                                " values (must be at least " + std::to_string(groups) + " for this delta)");
   }
   const std::size_t length = values.size() / groups;
   std::vector<double> means;
-  for (std::size_t g = 0; g < groups; ++g) means.push_back(Moments::of(values.subspan(g * length, length)).mean);
+  for (std::size_t g = 0; g < groups; ++g)
+    means.push_back(Moments::of(values.subspan(g * length, length)).mean);
   std::sort(means.begin(), means.end());
   return {(means[(groups - 1) / 2] + means[groups / 2]) / 2, static_cast<std::int64_t>(groups)};
 }
@@ -154,16 +173,26 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
   v.tail_index = tail_index(rates, rho);
   v.work_tail_index = work_tail_index(rates, rho);
 
+  v.decided = std::isfinite(rates.variance) || std::isfinite(rho);
+
   std::ostringstream text;
   text.precision(3);
-  const char* sign = v.finite_variance ? " < " : " >= ";
-  text << (v.finite_variance ? "variance finite" : "variance INFINITE") << " (law exponent " << rho << sign
-       << range.high << "), " << (v.finite_work ? "work finite" : "work INFINITE") << " (" << rho
-       << (v.finite_work ? " > " : " <= ") << range.low << "), tail index " << v.tail_index;
+  const std::string exponent = exponent_text(rho);
+  if (v.decided) {
+    text << (v.finite_variance ? "variance finite" : "variance INFINITE") << " (law exponent " << exponent
+         << (v.finite_variance ? " < " : " >= ") << exponent_text(range.high) << "), ";
+  } else {
+    text << "variance undecided by rates (" << beyond_rates << "), ";
+  }
+  text << (v.finite_work ? "work finite" : "work INFINITE") << " (" << exponent
+       << (v.finite_work ? " > " : " <= ") << range.low << ")";
+  if (v.decided) text << ", tail index " << v.tail_index;
   if (!v.finite_variance || !v.finite_work) {
     text << (v.finite_variance ? ": no run ends its expected work"
                                : ": the standard error is too small most of the time");
-    if (range.low < range.high) {
+    if (std::isinf(range.high)) {
+      text << "; take a law with an exponent above " << range.low;
+    } else if (range.low < range.high) {
       text << "; take a law with exponent between " << range.low << " and " << range.high;
     } else {
       text << "; no law has both finite";

@@ -2,6 +2,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <stdexcept>
 #include <vector>
 
 #include "catch_shim.hpp"
@@ -117,6 +118,145 @@ TEST_CASE("differences that end bring a finite variance under every law", "[diag
     CHECK(v.finite_variance);
     CHECK(v.tail_index == 0);
   }
+}
+
+TEST_CASE("rates cannot tell what falls faster than any rate from another such thing",
+          "[diagnostics][exact]") {
+  const Verdict v = judge({Rates::faster_than_any, 0}, Poisson(3).tail_exponent());
+  CHECK_FALSE(v.decided);
+  CHECK_THAT(v.sentence, Catch::Contains("undecided by rates") && Catch::Contains("sum E D_k^2 / p_k") &&
+                             !Catch::Contains("inf"));
+  const Verdict geometric = judge({Rates::faster_than_any, 0}, Geometric(0.5).tail_exponent());
+  CHECK(geometric.decided);
+  CHECK_THAT(geometric.sentence, Catch::Contains("variance finite (law exponent 1 < faster than any)"));
+  const Verdict steep = judge({2, 1}, Poisson(3).tail_exponent());
+  CHECK(steep.decided);
+  CHECK_THAT(steep.sentence, Catch::Contains("INFINITE (law exponent faster than any >= 2)"));
+}
+
+TEST_CASE("measured rates decide beyond two of their errors, and never guess", "[diagnostics][exact]") {
+  const auto measured = [](double beta, double error, double beta4, RateKind kind = RateKind::geometric) {
+    return MeasuredRates{kind, {beta / 2, error}, {beta, error}, {beta4, error}, {1, 0.01}};
+  };
+  const TailExponent law{1.5};
+  const MeasuredVerdict finite = judge(measured(2, 0.1, 4), law);
+  CHECK(finite.variance == Finiteness::finite);
+  CHECK(finite.work == Finiteness::finite);
+  CHECK(finite.fourth_moment == Finiteness::infinite);  // 3 x 1.5 > 4
+  CHECK(finite.tail_index == Approx(1 - 2 / 3.0));
+  CHECK(finite.error == Approx(0.1 / 3));
+  CHECK(judge(measured(2, 0.1, 5), law).fourth_moment == Finiteness::finite);
+  CHECK(judge(measured(2, 0.1, 4.5), law).fourth_moment == Finiteness::undecided);
+  CHECK(judge(measured(1, 0.1, 2), law).variance == Finiteness::infinite);
+  CHECK(judge(measured(1.6, 0.1, 3.2), law).variance == Finiteness::undecided);
+  CHECK(judge(measured(1.4, 0.1, 2.8), law).variance == Finiteness::undecided);
+  CHECK(judge(measured(2, 0.1, 4), TailExponent{0.9}).work == Finiteness::infinite);
+  CHECK(judge(measured(2, 0.1, 4), TailExponent{1.01}).work == Finiteness::undecided);
+  CHECK_THAT(judge(measured(1.6, 0.1, 3.2), law).sentence, Catch::Contains("variance undecided") &&
+                                                               Catch::Contains("1.6 +- 0.1") &&
+                                                               Catch::Contains("survey"));
+  // Power laws: finite iff rho < beta - 1, work finite iff rho > gamma + 1.
+  const MeasuredVerdict power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
+  CHECK(power.variance == Finiteness::finite);
+  CHECK(power.work == Finiteness::finite);
+  CHECK(judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(3.05)).variance == Finiteness::undecided);
+  // Ends and super-exponential falls.
+  CHECK(judge(measured(forever, 0, forever, RateKind::exact_zero), Poisson(1).tail_exponent()).variance ==
+        Finiteness::finite);
+  CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), law).variance ==
+        Finiteness::finite);
+  const MeasuredVerdict both =
+      judge(measured(forever, 0, forever, RateKind::super_exponential), Poisson(1).tail_exponent());
+  CHECK(both.variance == Finiteness::undecided);
+  CHECK_THAT(both.sentence, Catch::Contains("sum E D_k^2 / p_k") && !Catch::Contains("inf"));
+}
+
+TEST_CASE("the median of means is the median of group means", "[diagnostics][exact]") {
+  // ceil(8 ln(1 / 0.5)) = 6 groups of two values; the thirteenth is left out.
+  const std::vector<double> values = {0, 2, 10, 30, 4, 6, 1, 1, 7, 9, 3, 3, 1e9};
+  const BiasedEstimate e = median_of_means(values, 0.5);
+  CHECK(e.groups == 6);
+  CHECK(e.value == 4);  // of 1, 20, 5, 1, 8, 3: between 3 and 5
+  CHECK(median_of_means(std::vector<double>(24, 2.5)).groups == 24);
+  CHECK(median_of_means(std::vector<double>(24, 2.5)).value == 2.5);
+  CHECK_THROWS_AS(median_of_means(std::vector<double>(23, 1.0)), std::invalid_argument);
+  for (const double delta : {0.0, 1.0, -1.0, std::nan("")}) {
+    CHECK_THROWS_AS(median_of_means(values, delta), std::invalid_argument);
+  }
+}
+
+TEST_CASE("the median of means keeps its bound where the mean does not, and is biased",
+          "[diagnostics][statistical]") {
+  // Rare large values: x = 1 / p with probability p = 0.001, so mean 1 and variance 999.
+  constexpr int n = 2400;
+  constexpr double delta = 0.05;
+  const double bound = std::sqrt(999 * 32 * std::log(1 / delta) / n);
+  int beyond = 0;
+  double sum = 0;
+  constexpr int runs = 400;
+  for (std::uint64_t seed = 0; seed < runs; ++seed) {
+    Stream rng(seed, 0);
+    std::vector<double> x;
+    for (int i = 0; i < n; ++i) x.push_back(rng.uniform() < 0.001 ? 1000 : 0);
+    const double estimate = median_of_means(x, delta).value;
+    beyond += std::abs(estimate - 1) > bound ? 1 : 0;
+    sum += estimate;
+  }
+  CHECK(beyond <= runs * delta);
+  CHECK(sum / runs < 0.1);  // the truth is 1: a median of skewed means
+}
+
+TEST_CASE("batches take quantiles of Student's law", "[diagnostics][exact]") {
+  const Interval i = batch_interval(std::vector<double>{1, 2, 3});
+  CHECK(i.high == Approx(2 + 4.3026527297494619 / std::sqrt(3)).epsilon(1e-12));
+  CHECK(i.low == Approx(2 - 4.3026527297494619 / std::sqrt(3)).epsilon(1e-12));
+  CHECK(batch_interval(std::vector<double>{1, 2, 3}, 0.5).high ==
+        Approx(2 + 0.816496580927726 / std::sqrt(3)).epsilon(1e-12));
+  CHECK_THROWS_AS(batch_interval(std::vector<double>{1}), std::invalid_argument);
+  CHECK_THROWS_AS(batch_interval(std::vector<double>{1, 2}, 1), std::invalid_argument);
+}
+
+TEST_CASE("blocks double in length before there are too many", "[diagnostics][exact]") {
+  BlockMeans blocks;
+  for (int i = 0; i < 1023; ++i) blocks.add(i);
+  CHECK(blocks.length() == 1);
+  CHECK(blocks.means().size() == 1023);
+  for (int i = 1023; i < 5000; ++i) blocks.add(i);
+  CHECK(blocks.length() == 8);
+  REQUIRE(blocks.means().size() == 625);
+  for (std::size_t b = 0; b < 625; ++b) REQUIRE(blocks.means()[b] == 8 * static_cast<double>(b) + 3.5);
+}
+
+TEST_CASE("batches cover the mean of a chain, which single values do not", "[diagnostics][statistical]") {
+  // x' = 0.9 x + noise: neighbours resemble each other, the naive error is 4.4 times too small.
+  int covered = 0;
+  int naive = 0;
+  constexpr int runs = 400;
+  for (std::uint64_t seed = 0; seed < runs; ++seed) {
+    Stream rng(seed, 1);
+    BlockMeans blocks;
+    std::vector<double> values;
+    double x = rng.normal() / std::sqrt(1 - 0.81);
+    for (int i = 0; i < 1 << 14; ++i) {
+      x = 0.9 * x + rng.normal();
+      blocks.add(x);
+      values.push_back(x);
+    }
+    std::vector<double> batches;  // 32 of 512
+    for (std::size_t b = 0; b < blocks.means().size(); b += 16) {
+      double sum = 0;
+      for (std::size_t k = b; k < b + 16; ++k) sum += blocks.means()[k];
+      batches.push_back(sum / 16);
+    }
+    const Interval i = batch_interval(batches);
+    covered += i.low <= 0 && 0 <= i.high ? 1 : 0;
+    const Interval j = batch_interval(values);
+    naive += j.low <= 0 && 0 <= j.high ? 1 : 0;
+  }
+  // 4.5 standard errors of a proportion of 0.95 in 400 runs are 0.049; batches of 512 leave 0.7 % of the error out.
+  CHECK(covered >= runs * (0.94 - 0.049));
+  CHECK(covered <= runs * 0.999);
+  CHECK(naive < runs * 0.6);
 }
 
 namespace {

@@ -1,18 +1,18 @@
 #pragma once
 
-// Is it finite? The verdict on a law before a run, from the rates of the sequence; and what is left where it is not.
+// Is it finite? The verdict on a law from the rates of its sequence, before a run; and what is left if not.
 //
 //   E D_k^2 ~ 2^(-beta k), work_k ~ 2^(gamma k), p_k ~ 2^(-rho k):
 //   variance finite iff rho < beta;  work finite iff rho > gamma;  fourth moment finite iff 3 rho < beta4
 //   P(|Z| > t) ~ t^(-1/xi) with xi = 1 - beta / (2 rho), so E|Z|^q is finite iff q < 1 / xi
-//   median of means: k = ceil(8 ln(1/delta)) groups, |error| <= sigma sqrt(32 ln(1/delta) / n) with probability 1 - delta
 //
 //   Notation: beta, gamma = Rates; rho = TailExponent; xi = Verdict::tail_index (0: every moment is finite).
-// xi assumes that |D|^q scales like (E D^2)^(q/2), deterministic differences included: kinks and rare events have
-// heavier tails than xi says, though the verdict on the variance stands, and that on the fourth moment where beta4
-// is measured. Polynomial rates: see core/rates.hpp; there xi = (rho - beta/2) / (rho - 1).
-// The verdict from a run is in core/verdict.hpp. Sources: derived here; Rhee & Glynn, Oper. Res. 63 (2015), section 3,
-// for variance and work; Lugosi & Mendelson, Found. Comput. Math. 19 (2019), theorem 2, for the median of means.
+// xi assumes that |D|^q scales like (E D^2)^(q/2), deterministic differences included: kinks and rare events
+// have heavier tails than xi says, though the verdict on the variance stands, and that on the fourth moment
+// where beta4 is measured. Polynomial rates: see core/rates.hpp; there xi = (rho - beta/2) / (rho - 1).
+// The verdict from a run is in core/verdict.hpp. Sources: derived here; Rhee & Glynn, Oper. Res. 63 (2015),
+// section 3, for variance and work; Lugosi & Mendelson, Found. Comput. Math. 19 (2019), theorem 2, for the
+// median of means.
 
 #include <cstdint>
 #include <span>
@@ -27,6 +27,9 @@ namespace debias {
 
 struct Verdict {
   bool finite_variance = false;
+  /// False where differences and law both fall faster than any rate: finite_variance is then true only if the
+  /// differences end, or fall faster than the root of the law.
+  bool decided = true;
   bool finite_work = false;
   double tail_index = 0;       ///< xi; the variance is finite below 1/2, the mean of |Z| below 1
   double work_tail_index = 0;  ///< of the work of a sample: its variance is finite below 1/2
@@ -59,8 +62,8 @@ struct MeasuredVerdict {
 };
 MeasuredVerdict judge(const MeasuredRates& rates, const TailExponent& law);
 
-/// Means of consecutive blocks of equal length, in memory that does not grow: where the blocks become too many, pairs of
-/// them join. What is left over at the end belongs to no block.
+/// Means of consecutive blocks of equal length, in memory that does not grow: where the blocks become too
+/// many, pairs of them join. What is left over at the end belongs to no block.
 class BlockMeans {
  public:
   void add(double x) {
@@ -81,22 +84,25 @@ class BlockMeans {
   double sum_ = 0;
 };
 
-/// An estimate that is biased for skewed values, and must never be used as an unbiased one or averaged with one.
+/// An estimate that is biased for skewed values, and must never be used as an unbiased one or averaged with
+/// one.
 struct BiasedEstimate {
   double value = 0;
   std::int64_t groups = 0;
 };
 
-/// The median of the means of k = ceil(8 ln(1 / delta)) groups of consecutive values, or of their block means. It
-/// assumes a finite variance, and values in independent order; a group has equally many of them, the last few are left
-/// out. Its error stays below sigma sqrt(32 ln(1/delta) / n) with probability 1 - delta, where the mean has no such bound.
-/// It estimates the median of a group mean: for skewed values that is biased, by up to sigma sqrt(k / n).
-/// Throws std::invalid_argument unless 0 < delta < 1 and there are at least k values.
+/// The median of the means of k = ceil(8 ln(1 / delta)) groups of consecutive values, or of their block
+/// means. It assumes a finite variance, and values in independent order; a group has equally many of them,
+/// the last few are left out. Its error stays below sigma sqrt(32 ln(1/delta) / n) with probability 1 -
+/// delta, where the mean has no such bound. It estimates the median of a group mean: for skewed values that
+/// is biased, by up to sigma sqrt(k / n). Throws std::invalid_argument unless 0 < delta < 1 and there are at
+/// least k values.
 BiasedEstimate median_of_means(std::span<const double> values, double delta = 0.05);
 
-/// Mean of the batches -+ t quantile x standard error, with one degree of freedom less than there are batches: for
-/// values that depend on their neighbours, and for few blocks. Assumes batches that are nearly independent and normal.
-/// Throws std::invalid_argument unless 0 < confidence < 1 and there are at least two batches.
+/// Mean of the batches -+ t quantile x standard error, with one degree of freedom less than there are
+/// batches: for values that depend on their neighbours, and for few blocks. Assumes batches that are nearly
+/// independent and normal. Throws std::invalid_argument unless 0 < confidence < 1 and there are at least two
+/// batches.
 Interval batch_interval(std::span<const double> batch_means, double confidence = 0.95);
 
 }  // namespace debias

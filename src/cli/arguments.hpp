@@ -35,6 +35,9 @@ struct Arguments {
   std::string threads = "0";
   std::string confidence = "0.95";
   std::string output;
+  std::string file;
+  std::string column;
+  std::string format = "text";
   bool json = false;
   bool csv = false;
   bool quiet = false;

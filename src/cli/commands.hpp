@@ -24,6 +24,7 @@ int replay(const Arguments& arguments);
 int validate(const Arguments& arguments);
 int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
+int diagnose(const Arguments& arguments);
 
 /// All that `run` has to say.
 struct Run {
@@ -82,6 +83,36 @@ struct SurveyOf {
   std::int64_t samples;  ///< draws of each level
   Survey survey;
 };
+
+struct BadRow {
+  std::int64_t row = 0;
+  std::string reason;
+};
+
+/// All that `diagnose` has to say. Rows are numbered from 1, header and bad ones included.
+struct Diagnosis {
+  std::string file;
+  std::string column;  ///< its name in the header, if there is one
+  Moments moments;
+  Interval interval;
+  std::vector<double> block_means;
+  std::int64_t block_length = 1;
+  Interval block_interval;
+  BiasedEstimate robust;         ///< no groups: too few values
+  std::vector<Moments> running;  ///< after 2, 4, 8, ... values, and at the end
+  std::vector<double> upper_tail;
+  std::vector<double> lower_tail;
+  std::vector<LargeSample> largest;  ///< the index is a row
+  RunVerdict verdict;
+  std::int64_t nonfinite = 0;
+  std::int64_t first_nonfinite = 0;
+  std::int64_t bad_rows = 0;
+  std::vector<BadRow> first_bad_rows;
+  std::vector<std::string> warnings;
+};
+
+/// The share of a value in the sum of squares about the mean.
+double square_share(const Diagnosis& diagnosis, double value);
 
 /// The cells that were not judged.
 struct Counts {

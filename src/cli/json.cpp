@@ -83,8 +83,60 @@ Json advice_json(const Advice& a) {
           {"remarks", a.survey.remarks}};
 }
 
+Json tail_json(const TailIndex& tail) {
+  const char* state = tail.state == TailState::fitted    ? "fitted"
+                      : tail.state == TailState::bounded ? "bounded"
+                                                         : "too_few";
+  const bool fitted = tail.state == TailState::fitted;
+  const auto figure = [fitted](double x) { return fitted ? number(x) : Json(nullptr); };
+  return {{"state", state},
+          {"k", figure(tail.k)},
+          {"error", figure(tail.error)},
+          {"plain_k", figure(tail.plain)},
+          {"values", tail.values},
+          {"cutoff", figure(tail.cutoff)},
+          {"ties", tail.ties},
+          {"hill", figure(tail.hill)},
+          {"moment", figure(tail.moment)},
+          {"pickands", figure(tail.pickands)}};
+}
+
+Json interval_json(const Interval& interval) {
+  return {
+      {"low", number(interval.low)}, {"high", number(interval.high)}, {"confidence", interval.confidence}};
+}
+
+Json evidence_json(const RunVerdict& v) {
+  return {{"variance", name_of(v.variance)},
+          {"fourth_moment", name_of(v.fourth_moment)},
+          {"work", name_of(v.work)},
+          {"interval_reliable", v.interval_reliable()},
+          {"tail_index", number(v.tail_index)},
+          {"error", number(v.error)},
+          {"levels",
+           {{"available", v.levels.available},
+            {"votes", v.levels.votes},
+            {"first", v.levels.first_level},
+            {"last", v.levels.last_level},
+            {"tail_index", number(v.levels.tail_index)},
+            {"error", number(v.levels.error)},
+            {"beta", number(v.levels.beta)},
+            {"beta_error", number(v.levels.beta_error)},
+            {"rho", number(v.levels.rho)},
+            {"polynomial", v.levels.polynomial}}},
+          {"upper_tail", tail_json(v.upper)},
+          {"lower_tail", tail_json(v.lower)},
+          {"kurtosis", number(v.kurtosis)},
+          {"largest_share", number(v.largest_share)},
+          {"deepest_level", v.deepest_level},
+          {"samples_needed", number(v.samples_needed)},
+          {"rate", number(v.rate)},
+          {"sentences", v.sentences()}};
+}
+
 // For people and for diff: one line per entry of a list.
-std::string pretty(const Json& json) { return json.dump(2); }
+// Bytes of a file that are no UTF-8 are replaced.
+std::string pretty(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace
 
@@ -132,9 +184,7 @@ std::string run_json(const Run& run) {
   Json json = chosen(*run.problem, run.choice);
   json["mean"] = number(c.mean);
   json["standard_error"] = number(c.standard_error);
-  json["interval"] = {{"low", number(run.interval.low)},
-                      {"high", number(run.interval.high)},
-                      {"confidence", run.interval.confidence}};
+  json["interval"] = interval_json(run.interval);
   json["bias_bound"] = {{"size", number(s.bias_bound.size)}, {"sentence", s.bias_bound.sentence}};
   json["samples"] = s.samples;
   json["work"] = number(s.work);
@@ -147,6 +197,7 @@ std::string run_json(const Run& run) {
                      {"finite_work", run.verdict.finite_work},
                      {"tail_index", number(run.verdict.tail_index)},
                      {"sentence", run.verdict.sentence}};
+  if (s.nonfinite == 0 && s.samples > 1) json["evidence"] = evidence_json(s.verdict());
   json["warnings"] = s.warnings;
   json["nonfinite"] = s.nonfinite;
   json["goal"] = goal_json(s);
@@ -249,6 +300,50 @@ std::string survey_json(const SurveyOf& s) {
                               {"votes", r.votes},
                               {"fitted", r.fitted}});
   }
+  add_versions(json);
+  return pretty(json);
+}
+
+std::string diagnose_json(const Diagnosis& d) {
+  const bool has_mean = d.nonfinite == 0;
+  const bool has_error = has_mean && d.moments.count > 1;
+  const bool varies = has_error && d.moments.m2 > 0;
+  Json json = {{"file", d.file}, {"column", d.column.empty() ? Json(nullptr) : Json(d.column)}};
+  json["values"] = d.moments.count;
+  json["bad_rows"] = d.bad_rows;
+  json["first_bad_rows"] = Json::array();
+  for (const BadRow& bad : d.first_bad_rows) {
+    json["first_bad_rows"].push_back({{"row", bad.row}, {"reason", bad.reason}});
+  }
+  json["nonfinite"] = d.nonfinite;
+  json["first_nonfinite"] = d.nonfinite > 0 ? Json(d.first_nonfinite) : Json(nullptr);
+  json["mean"] = has_mean ? number(d.moments.mean) : Json(nullptr);
+  json["standard_error"] = has_error ? number(d.moments.standard_error()) : Json(nullptr);
+  json["interval"] = has_error ? interval_json(d.interval) : Json(nullptr);
+  json["block_interval"] = varies ? interval_json(d.block_interval) : Json(nullptr);
+  json["blocks"] = d.block_means.size();
+  json["block_length"] = d.block_length;
+  json["biased_median_of_means"] = varies && d.robust.groups > 0 ? number(d.robust.value) : Json(nullptr);
+  json["verdict"] = varies ? evidence_json(d.verdict) : Json(nullptr);
+  json["largest"] = Json::array();
+  for (const LargeSample& l : d.largest) {
+    json["largest"].push_back({{"row", l.index},
+                               {"value", number(l.value)},
+                               {"share", varies ? number(square_share(d, l.value)) : Json(nullptr)}});
+  }
+  json["running"] = Json::array();
+  for (const Moments& r : d.running) {
+    if (!has_mean) break;
+    json["running"].push_back({{"values", r.count},
+                               {"mean", number(r.mean)},
+                               {"standard_error", r.count > 1 ? number(r.standard_error()) : Json(nullptr)}});
+  }
+  json["warnings"] = d.warnings;
+  json["status"] = d.nonfinite > 0  ? "nonfinite"
+                   : d.bad_rows > 0 ? "bad_rows"
+                   : !has_error     ? "one_sample"
+                   : !varies        ? "zero_variance"
+                                    : "ok";
   add_versions(json);
   return pretty(json);
 }

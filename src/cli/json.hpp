@@ -19,6 +19,7 @@ std::string run_json(const Run& run);
 std::string replay_json(const Replay& replay);
 std::string tradeoff_json(const Tradeoff& tradeoff);
 std::string survey_json(const SurveyOf& survey);
+std::string diagnose_json(const Diagnosis& diagnosis);
 /// One line each.
 std::string cell_json(const catalog::Cell& cell);
 std::string summary_json(const Validation& validation);

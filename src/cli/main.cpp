@@ -115,7 +115,8 @@ const Command& chosen(const CLI::App& app, const std::vector<Command>& commands)
     if (command.app->parsed()) return command;
   }
   throw std::invalid_argument(
-      "no command; write list, run, replay, validate, survey or tradeoff, or see `debias --help`");
+      "no command; write list, run, replay, validate, survey, tradeoff or diagnose, or see "
+      "`debias --help`");
 }
 
 int dispatch(int argc, char** argv) {
@@ -128,7 +129,7 @@ int dispatch(int argc, char** argv) {
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Command> commands(6);  // options point into it
+  std::vector<Command> commands(7);  // options point into it
   const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
                        const char* description, const char* examples) -> CLI::App& {
     commands[i].app = app.add_subcommand(name, description);
@@ -203,6 +204,20 @@ int dispatch(int argc, char** argv) {
   tradeoff_app.add_flag("--csv", swept.csv, "Comma-separated values instead of a text");
   add_plan(tradeoff_app, swept);
   add_output(tradeoff_app, swept);
+
+  CLI::App& diagnose_app =
+      add(6, "diagnose", diagnose, "Mean, error, tails and a verdict on the variance of numbers from a file",
+          "  debias diagnose samples.txt\n"
+          "  debias diagnose table.csv --column flux --json\n"
+          "  simulation | debias diagnose - --format f64");
+  Arguments& diagnosed = commands[6].arguments;
+  diagnose_app
+      .add_option("FILE", diagnosed.file, "One number a row, or CSV with a header; - is standard input")
+      ->required();
+  diagnose_app.add_option("--column", diagnosed.column, "Name, or number from 1")->type_name("C");
+  diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")
+      ->type_name("F");
+  add_output(diagnose_app, diagnosed);
 
   for (Command& command : commands) {
     if (command.execute != validate) {

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <ostream>
 
+#include <boost/math/distributions/students_t.hpp>
+
 namespace debias {
 
 void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
@@ -65,13 +67,24 @@ Accumulator RunState::total() const {
   return sums;
 }
 
+namespace {
+
+// How many standard errors an interval reaches out: a quantile of Student's law, since the error comes from
+// as many values (or blocks of `stratified`) as the mean.
+double error_quantile(double tail, std::int64_t values) {
+  if (values < 2) return -normal_quantile(tail);
+  return -boost::math::quantile(boost::math::students_t(static_cast<double>(values - 1)), tail);
+}
+
+}  // namespace
+
 Interval Statistics::interval(double confidence, std::size_t component) const {
   if (!(confidence > 0 && confidence < 1)) {
     throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   const ComponentEstimate& c = components.at(component);
-  const double half_width = -normal_quantile((1 - confidence) / 2) * c.standard_error;
+  const double half_width = error_quantile((1 - confidence) / 2, moments.count) * c.standard_error;
   return {c.mean - half_width, c.mean + half_width, confidence};
 }
 

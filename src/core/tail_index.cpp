@@ -11,6 +11,9 @@ namespace debias {
 namespace {
 
 constexpr std::size_t fewest_values = 5;
+// A single step above the most common values has no shape. So many values on it, and none beyond, are a bound
+// unless the next step is a hundred times as rare.
+constexpr std::size_t bounded_step = 100;
 
 double shape(std::span<const double> x, double theta) {
   double sum = 0;
@@ -47,9 +50,9 @@ std::vector<Step> steps_of(std::span<const double> descending) {
   return steps;
 }
 
-// All values of the steps but the last, whose number is not known: it is the edge of the one before. The c values at
-// v lie between v and the next value w as ranks `above` to above + c of a Pareto law would, with the growth that the
-// lattice itself has from gap to gap: no origin needs to be known.
+// All values of the steps but the last, whose number is not known: it is the edge of the one before. The c
+// values at v lie between v and the next value w as ranks `above` to above + c of a Pareto law would, with
+// the growth that the lattice itself has from gap to gap: no origin needs to be known.
 std::vector<double> spread(const std::vector<Step>& steps) {
   std::vector<double> values;
   const auto gap = [&](std::size_t i) { return steps[i].value - steps[i + 1].value; };
@@ -110,12 +113,35 @@ double plain_shape(std::span<const double> descending, std::size_t size) {
   return with_weak_prior(fit_pareto(x).k, size);
 }
 
+double shape_above(std::span<const double> descending, std::size_t size, double cutoff) {
+  std::vector<double> x;
+  for (std::size_t i = size; i-- > 0;) x.push_back(descending[i] - cutoff);
+  return with_weak_prior(fit_pareto(x).k, size);
+}
+
+// The standard error of a Pareto law, and how far the k of a half and a quarter of the tail lie from k beyond
+// what their own errors explain: where values come in clusters, the fit depends on where the tail begins.
+double error_of(std::span<const double> values, std::size_t size, double k) {
+  const auto variance = [k](std::size_t n) {
+    const double spread = std::max(0.5, 1 + k);
+    return spread * spread / static_cast<double>(n);
+  };
+  double excess = 0;
+  for (std::size_t part = size / 2; part >= std::max(size / 4, 2 * fewest_values); part /= 2) {
+    if (!(values[part - 1] - values[part] > 0)) continue;
+    const double d = shape_above(values, part, values[part]) - k;
+    excess = std::max(excess, d * d - 4 * (variance(part) - variance(size)));
+  }
+  return std::sqrt(variance(size) + excess);
+}
+
 }  // namespace
 
 ParetoFit fit_pareto(std::span<const double> x) {
   if (x.size() < fewest_values || !(first_quartile(x) > 0)) {
-    throw std::invalid_argument("fit_pareto: " + std::to_string(x.size()) +
-                                " exceedances (must be at least 5, in ascending order, the first quartile positive)");
+    throw std::invalid_argument(
+        "fit_pareto: " + std::to_string(x.size()) +
+        " exceedances (must be at least 5, in ascending order, the first quartile positive)");
   }
   const auto n = static_cast<double>(x.size());
   const double points = 30 + std::floor(std::sqrt(n));
@@ -158,8 +184,10 @@ TailIndex tail_index(std::span<const double> descending, std::int64_t samples, d
   const std::vector<double> values = spread(steps);
   const std::size_t size = std::min(wanted, values.size());
   index.values = static_cast<std::int64_t>(size);
-  if (size < fewest_values) {
-    index.state = values.empty() && descending.size() > fewest_values ? TailState::bounded : TailState::too_few;
+  const bool no_step = steps.size() == 1 && descending.size() > fewest_values;
+  const bool one_step = steps.size() == 2 && steps.front().count >= bounded_step;
+  if (size < fewest_values || steps.size() == 2) {
+    index.state = no_step || one_step ? TailState::bounded : TailState::too_few;
     return index;
   }
   index.cutoff = size < values.size() ? values[size] : steps.back().value;
@@ -168,7 +196,7 @@ TailIndex tail_index(std::span<const double> descending, std::int64_t samples, d
   for (std::size_t i = size; i-- > 0;) x.push_back(values[i] - index.cutoff);
   index.state = TailState::fitted;
   index.k = with_weak_prior(fit_pareto(x).k, size);
-  index.error = std::max(0.5, 1 + index.k) / std::sqrt(static_cast<double>(size));
+  index.error = error_of(values, size, index.k);
   index.plain = index.ties ? plain_shape(descending, wanted) : index.k;
   add_classic(index, values, center);
   return index;

@@ -18,17 +18,24 @@ constexpr double confidence = 2;  // standard errors
 constexpr double draws_per_kurtosis = 4;
 constexpr double fewest_draws = 4;
 constexpr std::size_t fewest_levels = 2;
-constexpr double fewest_zeros = 30;  // draws that must be zero before an end of the differences is believed
-// How far log2 of a moment may be from a straight line although it is known exactly: a factor that is a power of the
-// level, a start that is not asymptotic yet, and anything else.
+constexpr std::int64_t fewest_levels_for_finite = 4;
+constexpr double surplus_limit = 3;
+// Draws that must be zero before an end of the differences is believed: so many, and ten times the kurtosis
+// of the levels before, of which only a part of 1 / kurtosis may have been different from zero.
+constexpr double fewest_zeros = 30;
+constexpr double zeros_per_kurtosis = 10;
+// How far log2 of a moment may be from a straight line although it is known exactly: a factor that is a power
+// of the level, a start that is not asymptotic yet, and anything else.
 constexpr double power_factor = 0.3;
 constexpr double start = 1;
 constexpr double scatter = 0.03;
+constexpr int passes = 4;  // of the fit: curvature that the data insist on widens what is expected of it
 constexpr double index_error = 0.01;
 // A base whose own second moment is known this badly may be heavier than all the levels.
 constexpr double draws_per_kurtosis_of_base = 10;
-// The largest of n numbers with tail index xi has a share of about n^(2 xi - 1) of the sum of squares. A side whose
-// largest has less than that of xi = 0.2 does not decide about the variance, whatever the shape of its values.
+// The largest of n numbers with tail index xi has a share of about n^(2 xi - 1) of the sum of squares. A side
+// whose largest has less than that of xi = 0.2 does not decide about the variance, whatever the shape of its
+// values.
 constexpr double irrelevant_share = -0.6;
 
 std::string format(const char* pattern, double x) {
@@ -57,7 +64,8 @@ struct Vote {
 
 struct Votes {
   std::vector<Vote> votes;
-  bool ends = false;  // all deeper differences were zero
+  bool ends = false;    // all deeper differences were zero
+  double kurtosis = 1;  // of the worst level
 };
 
 Votes votes_of(const std::vector<LevelRow>& rows) {
@@ -88,7 +96,8 @@ Votes votes_of(const std::vector<LevelRow>& rows) {
                             std::hypot(error, scatter), std::log2(row.fourth_moment),
                             std::hypot(3 * error, 2 * scatter), std::log2(std::max(row.work, 1e-300))});
   }
-  result.ends = open && zeros >= fewest_zeros;
+  result.ends = open && zeros >= std::max(fewest_zeros, zeros_per_kurtosis * kurtosis);
+  result.kurtosis = kurtosis;
   return result;
 }
 
@@ -96,10 +105,13 @@ struct Slope {
   double value = 0;
   double error = 0;
   double chi_square = 0;
+  double factor = 0;  // c
+  double start = 0;   // d
+  double last = 0;    // y of the fit at the last point
 };
 
-// y = a + b x + c u + d v with prior knowledge of c = 0 +- power_factor and d = 0 +- start: the slope b, with what the
-// two curved terms leave unknown of it in its error.
+// y = a + b x + c u + d v with prior knowledge of c = 0 +- power_factor and d = 0 +- start: the slope b, with
+// what the two curved terms leave unknown of it in its error.
 class CurvedFit {
  public:
   void add(double x, double u, double v, double y, double error) {
@@ -138,7 +150,7 @@ class CurvedFit {
     }
     double explained = 0;
     for (std::size_t i = 0; i < 4; ++i) explained += right[i] * right_[i];
-    return {right[1], std::sqrt(unit[1]), std::max(0.0, yy_ - explained)};
+    return {right[1], std::sqrt(unit[1]), std::max(0.0, yy_ - explained), right[2], right[3], right[0]};
   }
 
  private:
@@ -149,9 +161,7 @@ class CurvedFit {
 
 // The decay of a moment in the unit of the law.
 Slope decay(std::span<const Vote> votes, bool polynomial, double Vote::*moment, double Vote::*error) {
-  CurvedFit fit;
-  const double factor = moment == &Vote::fourth ? 2 : 1;
-  fit.add_prior(factor * power_factor, factor * start);
+  CurvedFit data;
   const Vote& reference = votes.back();  // small numbers keep the normal equations well conditioned
   for (std::size_t i = 0; i < votes.size(); ++i) {
     const Vote& p = votes[i];
@@ -159,9 +169,21 @@ Slope decay(std::span<const Vote> votes, bool polynomial, double Vote::*moment, 
     const double x0 = polynomial ? std::log2(reference.level + 1) : reference.level;
     const double u = std::log2((x + 1) / (x0 + 1));
     const double early = polynomial ? 1 / static_cast<double>(i + 1) : std::exp2(-static_cast<double>(i));
-    fit.add(x - x0, u, early, p.*moment - reference.*moment, p.*error);
+    data.add(x - x0, u, early, p.*moment - reference.*moment, p.*error);
   }
-  Slope slope = fit.solve();
+  const double scale = moment == &Vote::fourth ? 2 : 1;
+  double factor = scale * power_factor;
+  double early_part = scale * start;
+  Slope slope;
+  const int repeats = votes.size() >= 6 ? passes : 1;
+  for (int pass = 0; pass < repeats; ++pass) {
+    CurvedFit fit = data;
+    fit.add_prior(factor, early_part);
+    slope = fit.solve();
+    factor = std::max(factor, std::abs(slope.factor));
+    early_part = std::max(early_part, std::abs(slope.start));
+  }
+  slope.last += reference.*moment;  // where u is 0 and the start has died out
   const double degrees = static_cast<double>(votes.size()) - 2;
   if (degrees > 0) {
     const double misfit = slope.chi_square / degrees - 1;
@@ -185,6 +207,26 @@ std::span<const Vote> asymptotic(std::span<const Vote> votes, bool polynomial) {
 // Masses and work are known exactly: the slope between the first and the last vote.
 double exact_slope(std::span<const Vote> votes, double x_first, double x_last, double Vote::*y) {
   return (votes.back().*y - votes.front().*y) / (x_last - x_first);
+}
+
+// Are the levels with too few draws to vote larger than the line through those that voted? By how many
+// standard errors.
+double surplus(const std::vector<LevelRow>& rows, const Votes& all, const Slope& slope, bool polynomial) {
+  const auto x = [polynomial](double level) { return polynomial ? std::log2(level + 1) : level; };
+  const double last = all.votes.back().level;
+  double excess = 0;
+  double draws = 0;
+  for (const LevelRow& row : rows) {
+    const auto level = static_cast<double>(row.level);
+    if (row.is_base || row.probability <= 0 || level <= last) continue;
+    const auto n = static_cast<double>(row.count);
+    const double steps = x(level) - x(last);
+    const double factor = slope.factor * std::log2((x(level) + 1) / (x(last) + 1));
+    const double expected = std::exp2(slope.last + (slope.value + slope.error) * steps + factor);
+    excess += n * (row.second_moment / expected - 1);
+    draws += n;
+  }
+  return draws > 0 ? excess / std::sqrt(std::max(2.0, all.kurtosis - 1) * draws) : 0;
 }
 
 LevelEvidence evidence_of(const std::vector<LevelRow>& rows) {
@@ -217,6 +259,7 @@ LevelEvidence evidence_of(const std::vector<LevelRow>& rows) {
   const Slope fourth = decay(used, e.polynomial, &Vote::fourth, &Vote::fourth_error);
   const double work = exact_slope(used, x(first.level), x(last.level), &Vote::work);
   e.available = true;
+  e.contradicted = surplus(rows, all, second, e.polynomial) > surplus_limit;
   e.votes = static_cast<std::int64_t>(used.size());
   e.first_level = static_cast<std::int64_t>(first.level);
   e.beta = -second.value;
@@ -253,10 +296,21 @@ Index heavier(const Index& a, const Index& b) {
   return a.value >= b.value ? a : b;
 }
 
+// Averaged by precision where the two agree on an infinite variance, else the levels: light tails may only
+// mean that the samples have not reached the levels that make them heavy.
+Index together(const Index& levels, const Index& tails) {
+  if (levels.value < half || tails.value < half || std::isinf(tails.error)) return levels;
+  if (std::abs(levels.value - tails.value) > std::hypot(levels.error, tails.error)) return levels;
+  const double a = 1 / (levels.error * levels.error);
+  const double b = 1 / (tails.error * tails.error);
+  return {(a * levels.value + b * tails.value) / (a + b), 1 / std::sqrt(a + b)};
+}
+
 // Of one side, as far as it can carry the variance.
 Index index_of(const TailIndex& tail, double share, std::int64_t samples) {
   if (tail.state == TailState::too_few) return {tail.k, infinity};
-  if (tail.state == TailState::bounded || share < std::pow(static_cast<double>(samples), irrelevant_share)) return {};
+  if (tail.state == TailState::bounded || share < std::pow(static_cast<double>(samples), irrelevant_share))
+    return {};
   return {tail.k, tail.error};
 }
 
@@ -264,15 +318,16 @@ void combine(RunVerdict& v, const Index& tails, bool has_levels, bool base_is_he
   const LevelEvidence& l = v.levels;
   const Index by_levels = {l.tail_index, l.error};
   Index index = tails;
-  if (l.available) index = base_is_heavy ? heavier(by_levels, tails) : by_levels;
+  if (l.available) index = base_is_heavy ? heavier(by_levels, tails) : together(by_levels, tails);
   v.tail_index = index.value;
   v.error = index.error;
   v.variance = below(index.value, index.error, half);
   v.fourth_moment = below(index.value, index.error, half / 2);
   if (l.available && !base_is_heavy) v.fourth_moment = l.fourth_moment;
   // What the levels could not see the tails cannot either: clusters that are almost a lattice look light.
-  // Two levels lie on every line, also on that of a start which is not asymptotic.
-  const bool too_few = has_levels && (!l.available || l.votes == 2);
+  // Three levels lie on every curve, also on that of a start which is not asymptotic.
+  const bool too_few =
+      has_levels && (!l.available || l.contradicted || (l.votes > 0 && l.votes < fewest_levels_for_finite));
   if (too_few && v.variance == Finiteness::finite) v.variance = Finiteness::undecided;
   if (v.variance == Finiteness::infinite) v.fourth_moment = Finiteness::infinite;
   if (v.variance == Finiteness::undecided && v.fourth_moment == Finiteness::finite) {
@@ -291,15 +346,19 @@ std::string index_text(const RunVerdict& v) {
 }
 
 std::string tails_text(const RunVerdict& v) {
-  return "Pareto k " + figure(v.upper.k) + " of the " + std::to_string(v.upper.values) + " largest and " +
-         figure(v.lower.k) + " of the " + std::to_string(v.lower.values) + " smallest values";
+  const auto side = [](const TailIndex& tail, const char* name) {
+    if (tail.state != TailState::fitted) return std::string("no tail among the ") + name;
+    return "Pareto k " + figure(tail.k) + " of the " + std::to_string(tail.values) + " " + name;
+  };
+  return side(v.upper, "largest") + " and " + side(v.lower, "smallest") + " values";
 }
 
 std::string evidence_text(const RunVerdict& v) {
   const LevelEvidence& l = v.levels;
   if (!l.available) return tails_text(v);
   return "levels " + std::to_string(l.first_level) + " ... " + std::to_string(l.last_level) +
-         (std::isinf(l.tail_index) ? ", beyond which every difference is zero" : "") + "; " + tails_text(v);
+         (std::isinf(l.tail_index) ? ", beyond which every difference is zero" : "") +
+         (l.contradicted ? ", which deeper ones contradict" : "") + "; " + tails_text(v);
 }
 
 }  // namespace
@@ -367,38 +426,44 @@ std::vector<std::string> RunVerdict::sentences() const {
   const std::string number = index_text(*this);
   switch (variance) {
     case Finiteness::finite:
-      all.push_back("variance finite: " + number + " (threshold 0.5; " + evidence_text(*this) + ").");
+      all.push_back(std::string("variance finite") +
+                    (levels.available ? ": " : " as far as these values reach: ") + number +
+                    " (threshold 0.5; " + evidence_text(*this) + ").");
       break;
     case Finiteness::infinite:
-      all.push_back("variance INFINITE: " + number + " (threshold 0.5; " + evidence_text(*this) +
-                    "), so the standard error is too small most of the time and errors fall like N^-" +
-                    format("%.2f", rate) + ", not N^-0.5; " +
-                    (levels.available && levels.beta > 0
-                         ? "take a law that falls more slowly, with exponent below " +
-                               format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
-                               ", as long as its work is finite."
-                         : std::string("take a law that falls more slowly, or a better coupling.")));
+      all.push_back(
+          "variance INFINITE: " + number + " (threshold 0.5; " + evidence_text(*this) +
+          "), so the standard error is too small most of the time and errors fall like N^-" +
+          format("%.2f", rate) + ", not N^-0.5; " +
+          (levels.available && levels.beta > 0
+               ? "take a law that falls more slowly, with exponent below " +
+                     format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
+                     ", as long as its work is finite."
+               : std::string("find what makes the largest values, a law that falls too fast say.")));
       break;
     case Finiteness::undecided:
       all.push_back("variance undecided: " + number + " (threshold 0.5; " + evidence_text(*this) +
-                    "), so the interval is not to be trusted; run more samples, or survey the levels.");
+                    "), so the interval is not to be trusted; take more samples; a survey of the levels, if "
+                    "there are any, tells sooner.");
       break;
   }
   if (variance == Finiteness::finite && fourth_moment != Finiteness::finite) {
     all.push_back("fourth moment " + std::string(name_of(fourth_moment)) + ": " + number +
-                  " (threshold 0.25), so the standard error converges slowly and the interval is unreliable; take a "
+                  " (threshold 0.25; kurtosis " + format("%.3g", kurtosis) +
+                  " so far), so the standard error converges slowly and the interval is unreliable; take a "
                   "law that falls more slowly, or more samples.");
   }
   if (variance != Finiteness::finite && tail_index > usable_tail_index(samples)) {
-    all.push_back("even the mean is doubtful: " + number + " (threshold " + format("%.2f", usable_tail_index(samples)) +
-                  " for " + std::to_string(samples) + " samples), so it may be far off; " +
-                  (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."
-                                                 : "no number of samples helps."));
+    all.push_back(
+        "even the mean is doubtful: " + number + " (threshold " + format("%.2f", usable_tail_index(samples)) +
+        " for " + std::to_string(samples) + " samples), so it may be far off; " +
+        (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."
+                                       : "no number of samples helps."));
   }
   if (variance != Finiteness::finite && !largest.empty()) {
     const LargeSample& l = largest.front();
-    all.push_back("the largest sample, index " + std::to_string(l.index) + " of level " + std::to_string(l.level) +
-                  ", carries " + format("%.2g", 100 * largest_share) +
+    all.push_back("the largest sample, index " + std::to_string(l.index) + " of level " +
+                  std::to_string(l.level) + ", carries " + format("%.2g", 100 * largest_share) +
                   " % of the sum of squares; replay it to see what it is made of.");
   }
   return all;

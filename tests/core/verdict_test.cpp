@@ -1,0 +1,403 @@
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <ostream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "catch_shim.hpp"
+#include "diagnostics/cases.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/verdict.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/series.hpp>
+
+using namespace debias;
+using test::LabelledCase;
+
+namespace {
+
+constexpr double forever = std::numeric_limits<double>::infinity();
+
+// ---- level tables as they would be if sample moments were exact
+
+struct Table {
+  double beta = 2;
+  double rho = 1.5;
+  double kurtosis = 3;
+  double samples = 1e6;
+  double power = 0;         // E D_k^2 = k^(-power) 2^(-beta k)
+  bool polynomial = false;  // E D_k^2 = (k + 1)^(-beta), p_k = k^(-rho): level 0 is the base
+  int zero_from = 1000;
+  int probability_until = 1000;
+};
+
+Statistics statistics_of(const Table& t) {
+  Statistics s;
+  s.samples = s.moments.count = static_cast<std::int64_t>(t.samples);
+  const auto fall = [&t](double exponent, int k) {
+    return t.polynomial ? std::pow(k, -exponent) : std::exp2(-exponent * k);
+  };
+  double total = 0;
+  for (int k = 1; k < 64; ++k) total += fall(t.rho, k);
+  s.levels.push_back({0, 0, true, s.samples, 1, 2, 8, 1, 0});
+  for (int k = 1; k < 64; ++k) {
+    const double p = fall(t.rho, k) / total;
+    const auto count = static_cast<std::int64_t>(std::floor(p * t.samples));
+    if (count == 0) break;
+    const double shape = fall(t.beta, t.polynomial ? k + 1 : k) * std::pow(k, -t.power);
+    const double second = k < t.zero_from ? shape : 0;
+    s.levels.push_back({k, k, false, count, 0, second, t.kurtosis * second * second, 1.0 * k,
+                        k < t.probability_until ? p : 0});
+  }
+  return s;
+}
+
+LevelEvidence evidence(const Table& t) { return judge(statistics_of(t)).levels; }
+RunVerdict verdict(const Table& t) { return judge(statistics_of(t)); }
+
+// ---- many runs with known answers
+
+struct Tally {
+  int runs = 0;
+  int wrong = 0;         // confident, and wrong
+  int wrong_by_far = 0;  // at least 0.2 away from the border
+  int far = 0;           // runs that are at least 0.2 away
+  int undecided = 0;     // of those
+  int light = 0;
+  int light_flagged = 0;
+  int cases = 0;
+};
+
+std::ostream& operator<<(std::ostream& out, const Tally& t) {
+  return out << t.cases << " cases, " << t.runs << " runs: wrong " << t.wrong << ", wrong by far "
+             << t.wrong_by_far << ", undecided " << t.undecided << " of " << t.far
+             << " at least 0.2 away, light flagged " << t.light_flagged << " of " << t.light;
+}
+
+using Rule = std::function<Finiteness(const Statistics&)>;
+
+std::vector<Tally> tally(const std::vector<LabelledCase>& cases, const std::vector<Rule>& rules,
+                         std::int64_t samples, int seeds) {
+  std::vector<Tally> tallies(rules.size());
+  for (const LabelledCase& c : cases) {
+    const bool far = std::abs(c.index - 0.5) > 0.2 - 1e-9;
+    for (int s = 1; s <= seeds; ++s) {
+      const Statistics run = c.run(samples, 1000 + static_cast<std::uint64_t>(s));
+      for (std::size_t i = 0; i < rules.size(); ++i) {
+        Tally& t = tallies[i];
+        const Finiteness said = rules[i](run);
+        const bool wrong = said == (c.finite() ? Finiteness::infinite : Finiteness::finite);
+        t.cases += s == 1 ? 1 : 0;
+        ++t.runs;
+        t.wrong += wrong ? 1 : 0;
+        t.wrong_by_far += wrong && far ? 1 : 0;
+        t.far += far ? 1 : 0;
+        t.undecided += far && said == Finiteness::undecided ? 1 : 0;
+        t.light += c.index <= 0 ? 1 : 0;
+        t.light_flagged += c.index <= 0 && said == Finiteness::infinite ? 1 : 0;
+      }
+    }
+  }
+  return tallies;
+}
+
+Finiteness by_verdict(const Statistics& s) { return s.verdict().variance; }
+Finiteness by_plain_k(const Statistics& s) {
+  const RunVerdict v = s.verdict();
+  return std::max(v.upper.plain, v.lower.plain) < 0.5 ? Finiteness::finite : Finiteness::infinite;
+}
+Finiteness by_kurtosis(const Statistics& s) {
+  return s.moments.kurtosis() > 100 ? Finiteness::infinite : Finiteness::finite;
+}
+
+// The demands on a verdict.
+bool trustworthy(const Tally& t) { return 100 * t.wrong < t.runs && t.wrong_by_far == 0; }
+bool decisive(const Tally& t) { return 5 * t.undecided < t.far; }
+bool calm(const Tally& t) { return 100 * t.light_flagged < t.light; }
+
+// ---- intervals
+
+struct Coverage {
+  int runs = 0;
+  int low = 0;         // the interval lies below the truth
+  int high = 0;        // above
+  int unreliable = 0;  // of those that miss: the verdict on the variance is not `finite`
+  int infinite = 0;    // it is `infinite`
+
+  [[nodiscard]] double covered() const { return 1 - static_cast<double>(low + high) / runs; }
+  [[nodiscard]] double fired() const { return static_cast<double>(unreliable) / (low + high); }
+  [[nodiscard]] double confident() const { return static_cast<double>(infinite) / (low + high); }
+};
+
+std::ostream& operator<<(std::ostream& out, const Coverage& c) {
+  return out << "covered " << c.covered() << ", below " << c.low << ", above " << c.high << " of " << c.runs
+             << "; of the misses fired " << c.fired() << ", infinite " << c.confident();
+}
+
+Coverage coverage(const LabelledCase& c, int runs) {
+  const double truth = catalog::find(c.problem).truth;
+  Coverage result;
+  result.runs = runs;
+  for (int s = 1; s <= runs; ++s) {
+    const Statistics run = c.run(10'000, 77'000 + static_cast<std::uint64_t>(s));
+    const Interval interval = run.interval(0.95);
+    if (interval.low <= truth && truth <= interval.high) continue;
+    (interval.high < truth ? result.low : result.high) += 1;
+    if (c.finite()) continue;
+    const Finiteness said = run.verdict().variance;
+    result.unreliable += said != Finiteness::finite ? 1 : 0;
+    result.infinite += said == Finiteness::infinite ? 1 : 0;
+  }
+  return result;
+}
+
+std::string check_coverage(const std::vector<LabelledCase>& cases) {
+  std::ostringstream report;
+  for (const LabelledCase& c : cases) {
+    const Coverage found = coverage(c, 10'000);
+    CAPTURE(c.problem, c.index, found);
+    if (c.finite()) {
+      CHECK(found.covered() >= 0.939);
+      CHECK(found.covered() <= 0.960);
+    } else {
+      CHECK(found.covered() < 0.939);  // the power check: the same band finds a wrong error bar
+      CHECK(found.fired() >= 0.95);
+    }
+    report << c.problem << " " << c.index << ": " << found << '\n';
+  }
+  return report.str();
+}
+
+}  // namespace
+
+TEST_CASE("the index is that of the levels, with beta and rho", "[verdict][exact]") {
+  for (const double xi : {0.1, 0.3, 0.6, 0.8}) {
+    for (const double beta : {0.5, 2.0, 4.0}) {
+      const LevelEvidence e =
+          evidence({.beta = beta, .rho = beta / (2 * (1 - xi)), .kurtosis = 1, .samples = 1e9});
+      CAPTURE(xi, beta, e.votes);
+      REQUIRE(e.available);
+      CHECK(std::abs(e.tail_index - xi) < 0.005);
+      CHECK(std::abs(e.beta - beta) < 0.02);
+      CHECK(std::abs(e.rho - beta / (2 * (1 - xi))) < 1e-3);
+      CHECK(e.error < 0.05);
+      CHECK_FALSE(e.polynomial);
+      CHECK_FALSE(e.contradicted);
+    }
+  }
+}
+
+TEST_CASE("power laws count levels as powers", "[verdict][exact]") {
+  // xi = (rho - beta / 2) / (rho - 1)
+  const LevelEvidence light = evidence({.beta = 4, .rho = 2, .kurtosis = 1, .polynomial = true});
+  CHECK(light.polynomial);
+  CHECK(std::abs(light.tail_index) < 0.05);
+  CHECK(verdict({.beta = 4, .rho = 2, .kurtosis = 1, .polynomial = true}).variance == Finiteness::finite);
+  const LevelEvidence heavy =
+      evidence({.beta = 4, .rho = 4, .kurtosis = 1, .samples = 1e8, .polynomial = true});
+  CHECK(std::abs(heavy.tail_index - 2.0 / 3) < 0.05);
+  CHECK(verdict({.beta = 4, .rho = 4, .kurtosis = 1, .samples = 1e8, .polynomial = true}).variance ==
+        Finiteness::infinite);
+}
+
+TEST_CASE("differences that end bound the values", "[verdict][exact]") {
+  const RunVerdict v = verdict({.zero_from = 3});
+  CHECK(v.variance == Finiteness::finite);
+  CHECK(v.fourth_moment == Finiteness::finite);
+  CHECK(v.tail_index == -forever);
+  // Ten zeros are not enough to believe it.
+  CHECK(verdict({.rho = 3, .samples = 100, .zero_from = 3}).variance == Finiteness::undecided);
+}
+
+TEST_CASE("a factor that is a power of the level is not taken for a rate", "[verdict][exact]") {
+  // 0.81^k / k^2, the log series: over twenty levels it looks like 0.7^k.
+  const Table t{.beta = 0.304, .rho = 0.304 / 0.6, .kurtosis = 1, .samples = 1e4, .power = 2};
+  const LevelEvidence e = evidence(t);
+  CAPTURE(e.tail_index, e.error);
+  CHECK(std::abs(e.tail_index - 0.7) < 2 * e.error);
+  CHECK(verdict(t).variance == Finiteness::infinite);
+}
+
+TEST_CASE("few or noisy levels decide nothing", "[verdict][exact]") {
+  const Table base{.beta = 2, .rho = 1.4};
+  CHECK(verdict(base).variance == Finiteness::finite);
+  Table few = base;
+  few.samples = 30;
+  CHECK(verdict(few).variance == Finiteness::undecided);
+  Table noisy = base;
+  noisy.kurtosis = 3e5;
+  CHECK(verdict(noisy).variance == Finiteness::undecided);
+  Table near = base;
+  near.rho = 1.99;
+  CHECK(verdict(near).variance == Finiteness::undecided);
+}
+
+TEST_CASE("levels that are too rare to vote can contradict those that did", "[verdict][exact]") {
+  Statistics s = statistics_of({.beta = 2, .rho = 1.2, .kurtosis = 3, .samples = 1e5});
+  REQUIRE(judge(s).variance == Finiteness::finite);
+  for (LevelRow& row : s.levels) {
+    if (row.is_base || row.count >= 12) continue;
+    row.second_moment *= 1000;
+    row.fourth_moment *= 1e6;
+  }
+  const RunVerdict v = judge(s);
+  CHECK(v.levels.contradicted);
+  CHECK(v.variance == Finiteness::undecided);
+}
+
+TEST_CASE("rows without a probability do not vote", "[verdict][exact]") {
+  const LevelEvidence none = evidence({.probability_until = 1});
+  CHECK_FALSE(none.available);
+  const LevelEvidence some = evidence({.probability_until = 6});
+  CHECK(some.last_level == 5);
+}
+
+TEST_CASE("every sentence has its number, threshold, consequence and advice", "[verdict][exact]") {
+  const auto first = [](const Table& t) { return verdict(t).sentences().front(); };
+  CHECK_THAT(first({.beta = 2, .rho = 1.2}), Catch::Contains("variance finite: tail index 0.17") &&
+                                                 Catch::Contains("threshold 0.5") &&
+                                                 Catch::Contains("levels 1 ... "));
+  CHECK_THAT(first({.beta = 2, .rho = 3.5, .samples = 1e8}),
+             Catch::Contains("variance INFINITE: tail index 0.7") && Catch::Contains("threshold 0.5") &&
+                 Catch::Contains("standard error is too small") && Catch::Contains("exponent below 2.0"));
+  CHECK_THAT(first({.beta = 2, .rho = 2}), Catch::Contains("variance undecided") &&
+                                               Catch::Contains("not to be trusted") &&
+                                               Catch::Contains("samples"));
+  for (const std::string& sentence : verdict({.beta = 2, .rho = 3.5, .samples = 1e8}).sentences()) {
+    CHECK(sentence.back() == '.');
+    CHECK(sentence.find('\n') == std::string::npos);
+  }
+}
+
+TEST_CASE("the verdict names the samples to replay", "[verdict]") {
+  const LabelledCase furnace{"D14", 0.68, catalog::Method::roulette};
+  const Statistics run = furnace.run(10'000, 1);
+  const RunVerdict v = run.verdict();
+  CHECK(v.variance == Finiteness::infinite);
+  CHECK_FALSE(v.interval_reliable());
+  REQUIRE(v.largest.size() == 3);
+  CHECK(v.largest.front() == run.largest.front());
+  CHECK(v.deepest_level >= v.largest.front().level);
+  CHECK(v.samples_needed == Approx(samples_for_mean(v.tail_index)));
+  CHECK(v.rate == Approx(0.3).margin(0.1));
+  const std::string all = [&v] {
+    std::string text;
+    for (const std::string& s : v.sentences()) text += s;
+    return text;
+  }();
+  CHECK_THAT(all, Catch::Contains("index " + std::to_string(run.largest.front().index) + " of level"));
+}
+
+TEST_CASE("kurtosis speaks for the interval, not for the variance", "[verdict]") {
+  // xi = 0.37: finite variance, infinite fourth moment; the kurtosis of most runs is above 100.
+  int flagged = 0;
+  int high_kurtosis = 0;
+  int unreliable = 0;
+  constexpr int runs = 20;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    const RunVerdict v = LabelledCase{"D14", 0.37, catalog::Method::roulette}.run(10'000, seed).verdict();
+    flagged += v.variance != Finiteness::finite ? 1 : 0;
+    high_kurtosis += v.kurtosis > 100 ? 1 : 0;
+    unreliable += v.interval_reliable() ? 0 : 1;
+  }
+  CHECK(flagged == 0);
+  CHECK(unreliable == runs);
+  CHECK(high_kurtosis > runs / 2);
+}
+
+TEST_CASE("numbers without levels are judged by their tails", "[verdict]") {
+  const auto judged = [](auto draw) {
+    const auto r = estimate(draw, {.samples = 100'000, .seed = 5, .threads = 1});
+    return judge(r.moments, r.upper_tail, r.lower_tail);
+  };
+  const auto pareto = [](double xi) {
+    return [xi](Stream& rng) { return std::expm1(-xi * std::log(rng.uniform())) / xi; };
+  };
+  CHECK(judged(pareto(0.2)).variance == Finiteness::finite);
+  CHECK(judged(pareto(0.8)).variance == Finiteness::infinite);
+  CHECK(judged([&](Stream& rng) { return -pareto(0.8)(rng); }).variance == Finiteness::infinite);
+  CHECK(judged([](Stream& rng) { return rng.normal(); }).variance == Finiteness::finite);
+  CHECK(judged([](Stream& rng) { return rng.uniform() < 0.5 ? 1.0 : 0.0; }).variance == Finiteness::finite);
+  CHECK(judged([](Stream&) { return 3.0; }).variance == Finiteness::finite);
+  CHECK_FALSE(judged(pareto(0.5)).variance == Finiteness::finite);
+}
+
+TEST_CASE("merged results have the verdict of one run", "[verdict]") {
+  const auto estimator = single_term(
+      series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); }, geometric_terms(0.5)),
+      Geometric(0.9));
+  const auto whole = estimate(estimator, {.samples = 4 * 4096, .seed = 3});
+  const auto half_a = estimate(estimator, {.samples = 2 * 4096, .seed = 3});
+  const auto half_b = estimate(estimator, {.samples = 2 * 4096, .seed = 3, .first = 2 * 4096});
+  const RunVerdict a = whole.verdict();
+  const RunVerdict b = merge(half_a, half_b).verdict();
+  CHECK(a.tail_index == b.tail_index);
+  CHECK(a.error == b.error);
+  CHECK(a.upper.k == b.upper.k);
+  CHECK(a.sentences() == b.sentences());
+}
+
+TEST_CASE("runs with known answers: hardly ever wrong, seldom undecided, calm on light tails",
+          "[verdict][statistical][stat]") {
+  const std::vector<Tally> t =
+      tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 10'000, 50);
+  CAPTURE(t[0], t[1], t[2]);
+  REQUIRE(t[0].cases >= 40);
+  CHECK(trustworthy(t[0]));
+  CHECK(decisive(t[0]));
+  CHECK(calm(t[0]));
+  // The power check: what others use fails the same demands.
+  CHECK_FALSE(trustworthy(t[1]));
+  CHECK_FALSE(trustworthy(t[2]));
+}
+
+TEST_CASE("problems that the rule was not built on: hardly ever wrong", "[verdict][statistical][stat]") {
+  const std::vector<Tally> t = tally(test::held_out_cases(), {by_verdict, by_plain_k}, 10'000, 25);
+  CAPTURE(t[0], t[1]);
+  CHECK(100 * t[0].wrong < t[0].runs);
+  CHECK(t[0].wrong_by_far <= 1);
+  CHECK_FALSE(trustworthy(t[1]));
+}
+
+TEST_CASE("runs of a million samples with known answers", "[.long][verdict]") {
+  const std::vector<Tally> t =
+      tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 1'000'000, 50);
+  WARN("verdict " << t[0] << "\nplain k " << t[1] << "\nkurtosis " << t[2]);
+  CHECK(trustworthy(t[0]));
+  CHECK(decisive(t[0]));
+  CHECK(calm(t[0]));
+}
+
+TEST_CASE("intervals cover where the fourth moment is finite", "[verdict][statistical][stat]") {
+  check_coverage({{"D01", 0.2, catalog::Method::roulette}, {"C01", 0.2}});
+}
+
+TEST_CASE("where the variance is infinite the verdict knows the intervals that miss",
+          "[verdict][statistical][stat]") {
+  check_coverage({{"D14", 0.68, catalog::Method::roulette}, {"B18", 0.7}});
+}
+
+TEST_CASE("intervals of more problems cover, or their misses are known", "[.long][verdict]") {
+  using enum catalog::Method;
+  WARN(check_coverage({{"B02", 0.2},
+                       {"A13", 0.2},
+                       {"A10", 0.1},
+                       {"D14", 0.1, roulette},
+                       {"D03", 0, single_term, "zeta:s=2"},
+                       {"F02", 0.2},
+                       {"D14", 0.56, roulette},
+                       {"D02", 0.7, roulette},
+                       {"C01", 0.7},
+                       {"A10", 0.7},
+                       {"A01", 0.7},
+                       {"D01", 0.7},
+                       {"F01", 0.7},
+                       {"D14", 0.8, roulette}}));
+}

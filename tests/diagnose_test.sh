@@ -1,0 +1,174 @@
+#!/bin/sh
+# `debias diagnose` on good, bad and hostile files: exit codes, streams, and that nothing is left out in silence.
+#   sh tests/diagnose_test.sh PROGRAM      one line for each check that failed, then their number
+set -u
+[ $# -eq 1 ] || { echo "usage: sh tests/diagnose_test.sh PROGRAM" >&2; exit 2; }
+case $1 in
+  /*) debias=$1 ;;
+  *) debias=$PWD/$1 ;;
+esac
+here=$(mktemp -d)
+trap 'rm -rf "$here"' EXIT
+cd "$here" || exit 2
+
+checks=0
+failed=0
+# check WHAT COMMAND...: the command must succeed
+check() {
+  what=$1
+  shift
+  checks=$((checks + 1))
+  "$@" || { failed=$((failed + 1)); echo "FAILED: $what"; }
+}
+same() { [ "$1" = "$2" ] || { echo "  '$1' is not '$2'"; false; }; }
+lines() { wc -l < "$1" | tr -d ' '; }
+has() { grep -q -- "$1" "$2" || { echo "  no '$1' in: $(head -c 300 "$2")"; false; }; }
+lacks() { ! grep -q -- "$1" "$2" || { echo "  '$1' in: $(head -c 300 "$2")"; false; }; }
+
+# diagnosed CODE ARGUMENTS...: that exit code; the result is in out, complaints are in err
+diagnosed() {
+  code=$1
+  shift
+  "$debias" diagnose "$@" > out 2> err
+  check "exit code of: debias diagnose $*" same $? "$code"
+}
+# refused CODE WORD ARGUMENTS...: nothing on stdout, one line on stderr with WORD in it
+refused() {
+  wanted=$1
+  word=$2
+  shift 2
+  diagnosed "$wanted" "$@" < /dev/null
+  check "empty stdout of: debias diagnose $*" same "$(lines out)" 0
+  check "one line on stderr of: debias diagnose $*" same "$(lines err)" 1
+  check "helpful line of: debias diagnose $*" has "^debias: .*$word" err
+}
+
+# ---- good numbers: 1 ... 1000
+seq 1000 > numbers
+diagnosed 0 numbers
+check "the count" has '^values *1000$' out
+check "the mean" has '^mean *500.5(9.1)' out
+check "both tails are light" same "$(grep -c 'tail *k = -' out)" 2
+check "the verdict" has '^verdict *variance finite' out
+check "a doubling" has '^ *512 *256.5 ' out
+check "nothing on stderr" same "$(lines err)" 0
+diagnosed 0 numbers --json
+check "the mean in JSON" has '"mean": 500.5' out
+check "the verdict in JSON" has '"variance": "finite"' out
+check "the status in JSON" has '"status": "ok"' out
+check "the largest in JSON" has '"row": 1000' out
+cp out expected
+"$debias" diagnose - --json < numbers | sed "s/standard input/'numbers'/" > piped
+check "a pipe gives what a file gives" cmp piped expected
+diagnosed 0 numbers --json -o result
+check "-o writes the file" cmp result expected
+check "-o writes nothing else" same "$(lines out)" 0
+
+# ---- columns
+{ echo 'index,"a, b",flux'; seq 1000 | sed 's/.*/7,"x,y", & /'; } > table.csv
+diagnosed 0 table.csv --column flux
+check "a column by name" has '^mean *500.5' out
+check "the column is named" has 'column flux' out
+diagnosed 0 table.csv --column 3
+check "a column by number" has '^mean *500.5' out
+refused 2 "3 columns.*index, a, b, flux" table.csv
+refused 2 "did you mean 'flux'" table.csv --column fluxx
+refused 2 "--column = '4' .*did you mean '3'" table.csv --column 4
+refused 2 "--column = '0'" table.csv --column 0
+diagnosed 5 table.csv --column 2 2> /dev/null
+check "a column of words has no value" has "1000 bad rows; row 2: 'x,y'" err
+{ printf '\357\273\277value\r\n'; seq 1000 | sed 's/$/\r/'; } > windows.csv
+diagnosed 0 windows.csv
+check "byte order mark and carriage returns" has '^mean *500.5' out
+check "a header alone names the column" has 'column value' out
+{ seq 1000; echo; echo; } > trailing
+diagnosed 0 trailing
+check "blank rows at the end are none" lacks 'bad rows' out
+
+# ---- few or equal values
+refused 5 "no value" /dev/null
+echo name > header
+refused 5 "no value" header
+echo 3 > one
+diagnosed 0 one
+check "one value has a mean and no error" has '^mean *3$' out
+check "and a warning" has 'no standard error' out
+diagnosed 0 one --json
+check "one value in JSON" has '"standard_error": null' out
+yes 7 | head -100 > equal
+diagnosed 0 equal
+check "equal values" has 'all values are equal' out
+diagnosed 0 equal --json
+check "equal values in JSON" has '"status": "zero_variance"' out
+printf '1\n2' > unfinished
+diagnosed 0 unfinished
+check "the last row needs no newline" has '^values *2$' out
+
+# ---- values that are not finite: exit code 6, and no mean
+for bad in nan NaN inf -inf Infinity; do
+  { seq 10; echo "$bad"; seq 10; } > nonfinite
+  diagnosed 6 nonfinite
+  check "$bad makes the mean no number" has '^mean *not a number: 1 values are not finite, the first in row 11' out
+  check "$bad is complained about" has 'debias: .*not finite.*row 11' err
+  diagnosed 6 nonfinite --json
+  check "$bad in JSON" has '"mean": null' out
+  check "$bad in the status" has '"status": "nonfinite"' out
+  check "no nan in JSON" same "$(grep -ci '[:,] *-\{0,1\}\(nan\|inf\)' out)" 0
+done
+
+# ---- rows that are no numbers: counted, named, exit code 5
+{ seq 10; echo abc; echo; echo 0x10; echo 1e999; echo '+5'; echo '1 2'; seq 10; } > words
+diagnosed 5 words
+check "good rows are used" has '^values *20$' out
+check "bad rows are counted" has '^bad rows *6' out
+check "bad rows are named" has "row 11: 'abc': not a number" out
+check "empty rows are named" has "row 12: empty" out
+check "numbers beyond double are named" has "row 14: '1e999'" out
+check "bad rows are complained about" has 'debias: .*6 bad rows, the first is row 11' err
+diagnosed 5 words --json
+check "bad rows in JSON" has '"status": "bad_rows"' out
+printf 'some\nwords\nonly\n' > prose
+refused 5 "no value, 2 bad rows; row 2: 'words'" prose
+printf '1\n\377\376\n2\n' > bytes
+diagnosed 5 bytes --json
+check "bytes that are no text" has '"bad_rows": 1' out
+{ echo value; seq 5; head -c 3000000 /dev/zero | tr '\0' 7; echo; seq 5; } > long
+diagnosed 5 long
+check "an endless row is one bad row" has 'row 7: longer than' out
+check "and what follows is read" has '^values *10$' out
+
+# ---- doubles: 0.5 and 2.0
+for i in 1 2 3 4 5 6 7 8; do printf '\0\0\0\0\0\0\340\077\0\0\0\0\0\0\0\100'; done > doubles
+diagnosed 0 doubles --format f64
+check "doubles" has '^mean *1.25(19)' out
+check "sixteen of them" has '^values *16$' out
+{ cat doubles; printf abc; } > cut
+diagnosed 5 cut --format f64
+check "a cut double" has '3 bytes at the end' out
+{ cat doubles; printf '\0\0\0\0\0\0\370\177'; } > nan
+diagnosed 6 nan --format f64
+check "a double that is no number" has 'value 17' out
+refused 2 "must be text or f64" numbers --format f32
+refused 2 "--column" doubles --format f64 --column 1
+
+# ---- files and pipes
+refused 2 FILE
+refused 5 "'no/such/file': No such file" no/such/file
+refused 5 "'/': Is a directory" /
+refused 2 "'more'" numbers more
+"$debias" diagnose numbers > /dev/full 2> err
+check "exit code on a full disk" same $? 5
+{ sleep 0.1; "$debias" diagnose numbers 2> err; echo $? > code; } | true
+check "exit code on a closed pipe" same "$(cat code)" 5
+
+# ---- bounded memory: forty million bytes in an address space of sixty
+seq 5000000 > many
+(ulimit -v 60000 && "$debias" diagnose many > out 2> err)
+check "millions of rows in little memory" same $? 0
+check "and all of them" has '^values *5000000$' out
+head -c 100000000 /dev/zero | (ulimit -v 60000 && "$debias" diagnose - > out 2> err)
+check "a row of 100 MB in little memory" same $? 5
+check "and it is named" has 'row 1: longer than' err
+
+echo "$((checks - failed)) of $checks checks passed"
+[ "$failed" -eq 0 ]
