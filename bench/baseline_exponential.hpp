@@ -1,7 +1,8 @@
 #pragma once
 
-// The published estimators of exp(-integral of f over [0, 1]) as anybody writes them: plain loops, one stream a
-// sample. f(x) is the integrand, a its bound. What the library's are compared with.
+// The published estimators of exp(-integral of f over [0, 1]) as anybody writes them: plain loops. f(x) is
+// the integrand, a its bound. What the library's are compared with. `order` draws how far to go, `points`
+// where to look; one stream may serve for both.
 
 #include <cmath>
 
@@ -11,8 +12,8 @@ namespace debias::bench::plain {
 
 /// Ratio tracking, its order by inversion of the Poisson law.
 template <class F>
-double ratio_tracking(const F& f, double a, Stream& rng) {
-  const double u = rng.uniform();
+double ratio_tracking(const F& f, double a, Stream& order_stream, Stream& points) {
+  const double u = order_stream.uniform();
   double mass = std::exp(-a);
   double cdf = mass;
   int order = 0;
@@ -21,20 +22,20 @@ double ratio_tracking(const F& f, double a, Stream& rng) {
     cdf += mass;
   }
   double weight = 1;
-  for (int i = 0; i < order; ++i) weight *= 1 - f(rng.uniform()) / a;
+  for (int i = 0; i < order; ++i) weight *= 1 - f(points.uniform()) / a;
   return weight;
 }
 
 /// p-series, cumulative: roulette on the running weight [Georgiev et al. 2019].
 template <class F>
-double p_series_cumulative(const F& f, double a, Stream& rng) {
+double p_series_cumulative(const F& f, double a, Stream& order, Stream& points) {
   double weight = 1;
   double sum = 1;
   for (int i = 1;; ++i) {
-    weight *= (a - f(rng.uniform())) / i;
+    weight *= (a - f(points.uniform())) / i;
     const double p = std::abs(weight);
     if (p < 1) {
-      if (rng.uniform() >= p) break;
+      if (order.uniform() >= p) break;
       weight /= p;
     }
     sum += weight;
@@ -44,43 +45,43 @@ double p_series_cumulative(const F& f, double a, Stream& rng) {
 
 /// p-series, CMF: `prefix` terms, then roulette by index.
 template <class F>
-double p_series_cmf(const F& f, double a, int prefix, Stream& rng) {
+double p_series_cmf(const F& f, double a, int prefix, Stream& order, Stream& points) {
   double weight = 1;
   double sum = 1;
   for (int i = 1;; ++i) {
     if (i > prefix) {
       const double p = std::fmin(1, a / i);
-      if (rng.uniform() >= p) break;
+      if (order.uniform() >= p) break;
       weight /= p;
     }
-    weight *= (a - f(rng.uniform())) / i;
+    weight *= (a - f(points.uniform())) / i;
     sum += weight;
   }
   return std::exp(-a) * sum;
 }
 
-/// Pivoted U-statistics on combs of `points` [Kettunen et al. 2021], zero = 0.9, first = 2, c = 2.
+/// Pivoted U-statistics on combs of `comb` points [Kettunen et al. 2021], zero = 0.9, first = 2, c = 2.
 template <class F>
-double u_statistics(const F& f, int points, Stream& rng) {
+double u_statistics(const F& f, int comb, Stream& order, Stream& points) {
   double x[64];
   double weights[64];
   int n = 0;
   weights[0] = 1;
-  if (rng.uniform() <= 0.1) {
+  if (order.uniform() <= 0.1) {
     n = 2;
     double tail = 0.1;
     weights[1] = weights[2] = 1 / tail;
-    while (n < 62 && rng.uniform() < 2.0 / (n + 1)) {
+    while (n < 62 && order.uniform() < 2.0 / (n + 1)) {
       ++n;
       tail *= 2.0 / n;
       weights[n] = 1 / tail;
     }
   }
   for (int i = 0; i <= n; ++i) {
-    const double u = rng.uniform();
+    const double u = points.uniform();
     double sum = 0;
-    for (int j = 0; j < points; ++j) sum += f((j + u) / points);
-    x[i] = -sum / points;
+    for (int j = 0; j < comb; ++j) sum += f((j + u) / comb);
+    x[i] = -sum / comb;
   }
   double total = 0;
   for (int p = 0; p <= n; ++p) {
@@ -105,17 +106,17 @@ double u_statistics(const F& f, int points, Stream& rng) {
 
 /// Telescoping comb, geometric law with parameter r, the base averaged over all combs of 2^base points.
 template <class F>
-double telescoping_comb(const F& f, int base, double r, Stream& rng) {
+double telescoping_comb(const F& f, int base, double r, Stream& order, Stream& points) {
   int level = base + 1;
   double mass = r;
   double tail = 1 - r;
-  for (const double u = rng.uniform(); u <= tail && level < 62; ++level) {
+  for (const double u = order.uniform(); u <= tail && level < 62; ++level) {
     mass *= 1 - r;
     tail *= 1 - r;
   }
   const int n = 1 << level;
   const int groups = 1 << (level - base);
-  const double u = rng.uniform();
+  const double u = points.uniform();
   double even = 0;
   double odd = 0;
   double bases = 0;

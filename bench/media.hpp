@@ -1,17 +1,11 @@
 #pragma once
 
-// Media of optical depth tau on [0, 1] with the least bound, and our estimators timed against plain loops on them.
+// Media of optical depth tau on [0, 1] with the least bound, and means of several look-ups as one.
 
 #include <cmath>
-#include <cstdint>
 #include <numbers>
 
-#include <benchmark/benchmark.h>
-
-#include <debias/core/estimator.hpp>
 #include <debias/core/stream.hpp>
-
-#include "paired.hpp"
 
 namespace debias::bench {
 
@@ -52,33 +46,16 @@ struct Folded {
   }
 };
 
-inline constexpr std::int64_t round_samples = 1 << 14;
-
-template <class Sample>
-auto loop(const Sample& sample) {
-  return [&sample] {
+/// The mean of n draws of X.
+template <class X>
+struct MeanOf {
+  X x;
+  int n;
+  double operator()(Stream& rng) const {
     double sum = 0;
-    double squares = 0;
-    for (std::int64_t i = 0; i < round_samples; ++i) {
-      Stream rng(1, static_cast<std::uint64_t>(i));
-      const double z = sample(rng);
-      sum += z;
-      squares += z * z;
-    }
-    benchmark::DoNotOptimize(sum);
-    benchmark::DoNotOptimize(squares);
-  };
-}
-
-template <Estimator E, class Plain>
-void compare(benchmark::State& state, const E& e, const Plain& plain) {
-  const auto ours = [&e](Stream& rng) {
-    NullRecord none;
-    return draw_sample(e, rng, none).value;
-  };
-  for (auto _ : state) {
-    report(state, paired_ratio(loop(ours), loop(plain), 41), static_cast<double>(round_samples));
+    for (int i = 0; i < n; ++i) sum += x(rng);
+    return sum / n;
   }
-}
+};
 
 }  // namespace debias::bench

@@ -1,6 +1,7 @@
 #pragma once
 
-// Two pieces of work timed in turn, A B A B ..., in one run: on a shared machine unpaired timings drift apart.
+// Two pieces of work timed in turn, A B A B ..., in one run: on a shared machine unpaired timings drift
+// apart.
 
 #include <algorithm>
 #include <chrono>

@@ -1,17 +1,12 @@
-// The estimators of exp(-tau) against plain loops of the published ones (plain/...: ratio of times, alternating in
-// one run), and against each other at equal mean look-ups: `--benchmark_filter=table` prints the tables of README.
+// The estimators of exp(-tau) against plain loops of the published ones (plain/...: ratio of times,
+// alternating in one run), and against each other at equal mean look-ups: `--benchmark_filter=table` prints
+// the tables of README.
 
-#include <array>
 #include <cmath>
-#include <cstdint>
-#include <cstdio>
 #include <string>
-#include <utility>
 
 #include <benchmark/benchmark.h>
 
-#include <debias/core/accumulator.hpp>
-#include <debias/core/estimate.hpp>
 #include <debias/estimators/roulette.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/function_of_mean.hpp>
@@ -21,6 +16,7 @@
 #include <debias/pmf/poisson.hpp>
 #include <debias/taylor.hpp>
 
+#include "against_loops.hpp"
 #include "baseline_exponential.hpp"
 #include "media.hpp"
 
@@ -46,103 +42,71 @@ void register_comparisons(double tau) {
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
   const auto series = taylor(x, exp_minus, a);
   const std::string where = std::string("/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau));
-  const auto add = [&where](const std::string& name, const auto& e, const auto& plain) {
-    benchmark::RegisterBenchmark(("plain/" + name + where).c_str(),
-                                 [e, plain](benchmark::State& state) { compare(state, e, plain); })
-        ->Iterations(1)
-        ->Unit(benchmark::kMillisecond);
-  };
-  add("ratio_tracking", single_term(series, Poisson(a), {.base = Base::drawn}),
-      [f, a](Stream& rng) { return plain::ratio_tracking(f, a, rng); });
-  add("p_series_cumulative", roulette(series, RunningWeight(std::exp(-a))),
-      [f, a](Stream& rng) { return plain::p_series_cumulative(f, a, rng); });
   const int k = prefix_of(a);
-  add("p_series_cmf", roulette(series, IndexRoulette(a), {.base_level = k}),
-      [f, a, k](Stream& rng) { return plain::p_series_cmf(f, a, k, rng); });
-  add("u_statistics", taylor_sum(comb_mean(f, 12), exp_minus, drawn_pivot, order_law),
-      [f](Stream& rng) { return plain::u_statistics(f, 12, rng); });
+  register_comparison("ratio_tracking" + where, single_term(series, Poisson(a), {.base = Base::drawn}),
+                      [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); });
+  register_comparison("p_series_cumulative" + where, roulette(series, RunningWeight(std::exp(-a))),
+                      [f, a](Stream& n, Stream& at) { return plain::p_series_cumulative(f, a, n, at); });
+  register_comparison("p_series_cmf" + where, roulette(series, IndexRoulette(a), {.base_level = k}),
+                      [f, a, k](Stream& n, Stream& at) { return plain::p_series_cmf(f, a, k, n, at); });
+  register_comparison("u_statistics" + where, taylor_sum(comb_mean(f, 12), exp_minus, drawn_pivot, order_law),
+                      [f](Stream& n, Stream& at) { return plain::u_statistics(f, 12, n, at); });
 }
 
 // ---- the tables
 
-struct Figures {
-  double relative_variance = 0;  // of one sample
-  double error = 0;              // its relative error
-  double lookups = 0;            // a sample
-};
-
-template <Estimator E>
-Figures measure(const E& e, double truth, double free_work = 0, double scale = 1) {
-  const auto r = estimate(e, {.samples = 1 << 19, .threads = 1});
-  return {r.moments.variance() / (truth * truth),
-          std::sqrt((r.moments.kurtosis() - 1) / static_cast<double>(r.samples)),
-          scale * (r.work_per_sample() - free_work)};
-}
-
 template <class F>
-Figures ratio_tracking(const F& f, double truth) {  // in closed form: it needs more samples than one can draw
+Cell ratio_tracking(const F& f, double truth) {  // in closed form: it needs more samples than one can draw
   constexpr int points = 1 << 16;
   double second = 0;
   for (int i = 0; i < points; ++i) {
     const double r = 1 - f((i + 0.5) / points) / f.bound;
     second += r * r / points;
   }
-  return {std::expm1(-f.bound + f.bound * second - 2 * std::log(truth)), 0, f.bound};
+  const double a = f.bound;
+  const auto x = [f](Stream& rng) { return f(rng.uniform()); };
+  const auto e = single_term(taylor(x, exp_minus, a), Poisson(a), {.base = Base::drawn});
+  const auto plain = [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); };
+  return {"ratio tracking", std::expm1(-a + a * second - 2 * std::log(truth)), 0, a,
+          time_against(e, plain, 9)};
 }
 
+// At equal look-ups: combs of n points as the unit of a telescope, of U-statistics, and jittered points. The
+// look-ups of the others are what they are: n samples of variance V each have V / n.
 template <class F>
-void print_rows(double tau) {
+void add_rows(Table& table, double tau) {
   const F f(tau);
+  const double a = f.bound;
   const double truth = std::exp(-tau);
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
-  const auto series = taylor(x, exp_minus, f.bound);
-  const Figures tracking = ratio_tracking(f, truth);
-  const Figures cumulative = measure(roulette(series, RunningWeight(std::exp(-f.bound))), truth, 1);
-  const Figures cmf =
-      measure(roulette(series, IndexRoulette(f.bound), {.base_level = prefix_of(f.bound)}), truth, 1);
+  const auto series = taylor(x, exp_minus, a);
+  const int k = prefix_of(a);
+  const Cell tracking = ratio_tracking(f, truth);
+  const Cell cumulative = measure_against(
+      "p-series cumulative", roulette(series, RunningWeight(std::exp(-a))),
+      [f, a](Stream& n, Stream& at) { return plain::p_series_cumulative(f, a, n, at); }, truth, 1);
+  const Cell cmf = measure_against(
+      "p-series CMF", roulette(series, IndexRoulette(a), {.base_level = k}),
+      [f, a, k](Stream& n, Stream& at) { return plain::p_series_cmf(f, a, k, n, at); }, truth, 1);
   for (const int lookups : {8, 16, 32}) {
     const int comb = static_cast<int>(std::lround(lookups / (1 + order_law.mean())));
-    const Figures pivoted = measure(taylor_sum(comb_mean(f, comb), exp_minus, drawn_pivot, order_law), truth);
+    const Cell pivoted = measure_against(
+        "U-statistics", taylor_sum(comb_mean(f, comb), exp_minus, drawn_pivot, order_law),
+        [f, comb](Stream& n, Stream& at) { return plain::u_statistics(f, comb, n, at); }, truth);
     // E 2^(1 + J) = 2 r / (2 r - 1) times the base size: 8/3 for r = 4/5, and 4 for r = 2/3
-    const int n = 3 * lookups / 8;
-    const Figures telescoping =
-        measure(single_term(function_of_integral(Folded<F>{f, n}, exp_minus), Geometric(0.8)), truth, 0, n);
+    const Folded<F> unit{f, 3 * lookups / 8};
+    const Cell telescoping = measure_against(
+        "comb", single_term(function_of_integral(unit, exp_minus), Geometric(0.8)),
+        [unit](Stream& n, Stream& at) { return plain::telescoping_comb(unit, 0, 0.8, n, at); }, truth, 0,
+        unit.n);
     const int base = lookups == 8 ? 1 : lookups == 16 ? 2 : 3;
-    const Figures jittered = measure(
+    const Cell jittered = measure(
+        "jittered",
         single_term(function_of_jittered_integral(f, exp_minus), Geometric(2.0 / 3), {.base_level = base}),
         truth);
-    const std::array<std::pair<const char*, Figures>, 6> all = {{{"ratio tracking", tracking},
-                                                                 {"p-series cumulative", cumulative},
-                                                                 {"p-series CMF", cmf},
-                                                                 {"U-statistics", pivoted},
-                                                                 {"comb", telescoping},
-                                                                 {"jittered", jittered}}};
-    const char* winner = nullptr;
-    double least = 0;
-    std::printf("| %s | %g | %d |", F::name, tau, lookups);
-    for (const auto& [name, figures] : all) {
-      // per look-up of the budget: n samples of V each have V / n
-      const double v = figures.relative_variance * figures.lookups;
-      std::printf(" %.2g%s |", v, figures.error > 0.1 ? " ?" : "");
-      if (winner == nullptr || v < least) {
-        winner = name;
-        least = v;
-      }
-    }
-    std::printf(" %s |\n", winner);
-  }
-}
-
-void print_table(benchmark::State& state) {
-  for (auto _ : state) {
-    std::printf(
-        "| medium | tau | look-ups | ratio tracking | p-series cumulative | p-series CMF | U-statistics | "
-        "comb | jittered | least |\n|---|---|---|---|---|---|---|---|---|---|\n");
-    for (const double tau : {1.0, 4.0, 16.0}) {
-      print_rows<Sinusoid>(tau);
-      print_rows<Step>(tau);
-      print_rows<Linear>(tau);
-    }
+    table.add(std::string(F::name) + ", tau " + std::to_string(static_cast<int>(tau)) + ", " +
+                  std::to_string(lookups) + " look-ups",
+              {tracking, cumulative, cmf, pivoted, telescoping, jittered});
   }
 }
 
@@ -150,9 +114,13 @@ const bool registered = [] {
   register_comparisons<Sinusoid>(4);
   register_comparisons<Step>(4);
   register_comparisons<Linear>(1);
-  benchmark::RegisterBenchmark("table/exponential", print_table)
-      ->Iterations(1)
-      ->Unit(benchmark::kMillisecond);
+  register_table("exponential", [](Table& table) {
+    for (const double tau : {1.0, 4.0, 16.0}) {
+      add_rows<Sinusoid>(table, tau);
+      add_rows<Step>(table, tau);
+      add_rows<Linear>(table, tau);
+    }
+  });
   return true;
 }();
 

@@ -24,6 +24,7 @@
 #include <debias/survey.hpp>
 
 #include "catch_shim.hpp"
+#include "laws/estimator_laws.hpp"
 #include "laws/sequence_laws.hpp"
 
 using namespace debias;
@@ -686,4 +687,30 @@ TEST_CASE("differences of 1e-12 of exp(-30) and exp(-100) keep their relative ac
       CHECK(functions::ExpMinus{}.gap(tau, d) == Approx(exact).epsilon(1e-13));
     }
   }
+}
+
+TEST_CASE("thick media and colours by combs and jittered points are unbiased, component by component",
+          "[function_of_mean][statistical]") {
+  for (const double tau : {30.0, 100.0}) {
+    CAPTURE(tau);
+    const auto medium = [tau](double x) { return 2 * tau * x; };
+    const double truth = std::exp(-tau);
+    const auto check = [truth](const auto& e) {
+      const auto r = estimate(e, {.samples = 1 << 14});
+      CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+      CHECK(r.standard_error < 0.01 * truth);
+    };
+    check(single_term(function_of_integral(medium, functions::ExpMinus{}), {.base_level = 7}));
+    check(single_term(function_of_jittered_integral(medium, functions::ExpMinus{}), {.base_level = 7}));
+  }
+  const auto rgb = [](double x) { return Eigen::Array3d(2 * x, 3 * x * x, 1 + x); };
+  const auto g = functions::componentwise(functions::ExpMinus{});
+  const Eigen::Array3d truth = Eigen::Array3d(-1, -1, -1.5).exp();
+  const auto laws = [](const auto& e, const Eigen::Array3d& exact) {
+    return debias::laws::estimator_laws(e, exact, {.repeats = 0});
+  };
+  const auto comb = single_term(function_of_integral(rgb, g));
+  CHECK(laws(comb, truth) == Failures{});
+  CHECK(laws(single_term(function_of_jittered_integral(rgb, g)), truth) == Failures{});
+  CHECK(laws(comb, truth * Eigen::Array3d(1, 1.01, 1)) != Failures{});
 }

@@ -294,3 +294,12 @@ TEST_CASE("arguments that no reciprocal can have are refused, and draws beyond a
   CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return 2.0; }, 1.5)(rng), std::domain_error);
   CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return std::nan(""); }, 1.5)(rng), std::domain_error);
 }
+
+TEST_CASE("what would never end is given up aloud after 10^9 trials or terms", "[reciprocal][.long]") {
+  Stream rng(1, 0);
+  NullRecord none;
+  CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return 0.0; }, 1)(rng), std::length_error);
+  const auto at_the_edge = [](Stream&) { return 0.0; };  // |1 - X / a| = 1: the terms do not fall
+  CHECK_THROWS_AS(roulette(reciprocal_series(at_the_edge, 1.0), RunningWeight(1))(rng, none),
+                  std::length_error);
+}

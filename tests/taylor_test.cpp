@@ -450,6 +450,23 @@ TEST_CASE("the best centre is E X^2 / E X where 0 is the singularity, the mean f
   CHECK(centre_between(0.5, 1.5).mean_square == 0.25);
 }
 
+TEST_CASE("a centre from a pilot run is as good as the exact one, and unbiased", "[taylor][statistical]") {
+  const auto x = [](Stream& rng) { return 0.2 + 2 * rng.uniform(); };  // E X = 1.2, E X^2 = 1.44 + 1/3
+  const functions::Log g;
+  const Centre exact{(1.44 + 1.0 / 3) / 1.2, 0};
+  const Centre pilot = centre(g, estimate(x, {.samples = 1000, .seed = 99}).moments);
+  CHECK(pilot.at == Approx(exact.at).epsilon(0.02));
+  const auto e = roulette(taylor(x, g, pilot));
+  CHECK(estimator_laws(e, std::log(1.2)) == Failures{});
+  const auto best = roulette(taylor(x, g, exact.at), e.law());
+  const auto far = roulette(taylor(x, g, 2.0), e.law());
+  const auto variance = [](const auto& estimator) {
+    return estimate(estimator, {.samples = 1 << 17}).moments.variance();
+  };
+  CHECK(variance(e) < 1.05 * variance(best));
+  CHECK(variance(far) > 1.3 * variance(best));  // power check
+}
+
 TEST_CASE("a centre or a law without finite variance is refused with a feasible one", "[taylor][exact]") {
   const Moments pilot = Moments::of(std::vector<double>{0.5, 1, 1.5, 4});  // E X = 1.75, E X^2 = 4.875
   CHECK_THROWS_WITH(centre(functions::Reciprocal{}, pilot, 1.0),

@@ -65,6 +65,34 @@ auto value_at(const G& g, std::int64_t level, const M& m) {
   }
 }
 
+/// The sum of values that come one by one: numbers begin at zero, in a register; arrays with the first, which
+/// has the shape.
+template <Value V>
+class RunningSum {
+ public:
+  void add(V v) {
+    if constexpr (begins_at_zero) {
+      total_ = sum(std::move(total_), v);
+    } else if (total_) {
+      total_ = sum(std::move(*total_), v);
+    } else {
+      total_ = std::move(v);
+    }
+  }
+  /// After at least one.
+  V total() {
+    if constexpr (begins_at_zero) {
+      return total_;
+    } else {
+      return std::move(*total_);
+    }
+  }
+
+ private:
+  static constexpr bool begins_at_zero = RealValue<V> || ComplexValue<V>;
+  std::conditional_t<begins_at_zero, V, std::optional<V>> total_{};
+};
+
 }  // namespace detail
 
 /// The sequence g(mean of 2^k points). Stores nothing per point: sums run group by group.
@@ -105,22 +133,17 @@ class Doubling {
       throw std::invalid_argument("doubling: base_level = " + std::to_string(base_level) +
                                   " (must lie below level = " + std::to_string(level) + ")");
     }
-    const double per_point = points_.scale / static_cast<double>(doubled_draws(base_level));
-    std::optional<mean_t<value_type>> values;
+    const double per_point = points_.scale * detail::share_of_draw(base_level);
+    detail::RunningSum<mean_t<value_type>> values;
     const auto add = [&](const Mean& group) {
-      mean_t<value_type> value(detail::value_at(g_, base_level, scaled(group, per_point)));
-      if (values) {
-        values = sum(std::move(*values), value);
-      } else {
-        values = std::move(value);
-      }
+      values.add(mean_t<value_type>(detail::value_at(g_, base_level, scaled(group, per_point))));
     };
     const Halves sums = halves(level, base_level, rng, [&](const Mean& even_group, const Mean& odd_group) {
       add(even_group);
       add(odd_group);
     });
-    values = scaled(std::move(*values), 1 / static_cast<double>(doubled_draws(level - base_level)));
-    return {static_cast<value_type>(std::move(*values)), difference(sums, level), work(level)};
+    return {static_cast<value_type>(scaled(values.total(), detail::share_of_draw(level - base_level))),
+            difference(sums, level), work(level)};
   }
 
   /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
@@ -187,12 +210,12 @@ class Doubling {
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
-    return scaled(sum(sums.even, sums.odd), points_.scale / static_cast<double>(doubled_draws(level)));
+    return scaled(sum(sums.even, sums.odd), points_.scale * detail::share_of_draw(level));
   }
 
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
-    const double per_point = points_.scale / static_cast<double>(doubled_draws(level));
+    const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelFunction<G, Mean>) {
       return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
     } else if constexpr (OffersGap<G, Mean>) {

@@ -97,9 +97,10 @@ class ReciprocalTrials {
                                 " (must be positive and finite, a bound of X); 1 for X in {0, 1}");
   }
 
-  /// Throws std::domain_error for a draw outside [0, majorant]: a clamped one would be a bias.
+  /// Throws std::domain_error for a draw outside [0, majorant], since a clamped one would be a bias, and
+  /// std::length_error after 10^9 trials without success.
   Sample<double> operator()(Stream& rng) const {
-    for (std::int64_t trials = 1;; ++trials) {
+    for (std::int64_t trials = 1; trials <= most_trials; ++trials) {
       const double x = x_(rng);
       if (!(x >= 0 && x <= majorant_)) refuse(x);
       if (rng.uniform() * majorant_ < x) {
@@ -107,6 +108,9 @@ class ReciprocalTrials {
                 trials};
       }
     }
+    throw std::length_error(
+        "reciprocal_trials: 10^9 trials and no success (E X is 0, or far below the majorant " +
+        std::to_string(majorant_) + ")");
   }
   [[nodiscard]] std::string describe() const {
     return "reciprocal_trials, majorant " + std::to_string(majorant_);
@@ -117,6 +121,8 @@ class ReciprocalTrials {
     throw std::domain_error("reciprocal_trials: X = " + std::to_string(x) + " (must lie in [0, majorant = " +
                             std::to_string(majorant_) + "]); take a larger majorant");
   }
+
+  static constexpr std::int64_t most_trials = 1'000'000'000;
 
   X x_;
   double majorant_;

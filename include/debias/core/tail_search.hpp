@@ -11,7 +11,8 @@ namespace debias {
 
 /// The largest j with u <= tails[j], for falling tails with tails[0] >= u > tails.back().
 inline std::int64_t search_tails(std::span<const double> tails, double u) {
-  // The first levels are counted without a branch: which of them it is, no branch predictor can know.
+  if (u > tails[1]) return 0;  // most draws of a steep law: this branch is worth its misses
+  // The next levels are counted without a branch: which of them it is, no branch predictor can know.
   const std::size_t counted = std::min<std::size_t>(tails.size(), 8);
   std::size_t j = 0;
   for (std::size_t k = 1; k < counted; ++k) j += std::size_t{u <= tails[k]};

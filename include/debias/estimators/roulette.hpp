@@ -156,6 +156,7 @@ class PolicyRoulette {
     detail::check_base_level("roulette", base_level_);
   }
 
+  /// Throws std::length_error where 10^9 terms are not enough: they do not fall.
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream decisions = split(rng, Branch::law);
@@ -170,7 +171,7 @@ class PolicyRoulette {
     }
     record.base(base_level_, as_scalar(sample.value), sample.work);
     double weight = 1;
-    for (std::int64_t level = base_level_ + 1;; ++level) {
+    for (std::int64_t level = base_level_ + 1; level - base_level_ <= most_terms; ++level) {
       if constexpr (!LatePolicy<C>) {
         if (!keep(policy_(level), decisions, weight)) return sample;
       }
@@ -192,6 +193,7 @@ class PolicyRoulette {
       sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
     }
+    throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a law");
   }
 
   [[nodiscard]] std::string describe() const {
@@ -204,6 +206,8 @@ class PolicyRoulette {
   }
 
  private:
+  static constexpr std::int64_t most_terms = 1'000'000'000;
+
   // Plays for one term, and divides the weight by the probability of going on.
   static bool keep(double probability, Stream& decisions, double& weight) {
     if (probability >= 1) return true;

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -47,6 +48,13 @@ inline std::int64_t doubled_draws(std::int64_t level) {
   return std::int64_t{1} << level;
 }
 
+namespace detail {
+/// 2^-level for a level that doubled_draws() takes, without a division.
+inline double share_of_draw(std::int64_t level) {
+  return std::bit_cast<double>(static_cast<std::uint64_t>(1023 - level) << 52);
+}
+}  // namespace detail
+
 /// A random variable with a batch hook: `x.draws(rng, out)` makes out.size() draws from the very random
 /// numbers of as many calls x(rng), equal to rounding.
 template <class X>
@@ -72,9 +80,10 @@ concept Points = requires(const P& p, std::int64_t level, Stream& rng) {
   { p.extra_work } -> std::convertible_to<double>;
 };
 
-/// The sum of `size` numbers, in double precision at least.
+/// The sum of `size` numbers, in double precision at least. Inlined by force: it has four callers, and a call
+/// of it would cost as much as a draw.
 template <class Next>
-auto sum_of(std::int64_t size, Next&& next) {
+[[gnu::always_inline]] inline auto sum_of(std::int64_t size, Next&& next) {
   using M = mean_t<std::remove_cvref_t<decltype(next())>>;
   M total(next());
   for (std::int64_t i = 1; i < size; ++i) total = sum(std::move(total), M(next()));
@@ -87,11 +96,13 @@ inline constexpr std::size_t block_size = 256;
 struct EvenOdd {
   std::array<double, 8> lanes{};
   void add(std::span<const double> x) {  // an even number of them
+    std::array<double, 8> sums = lanes;  // in registers
     std::size_t i = 0;
     for (; i + 8 <= x.size(); i += 8) {
-      for (std::size_t j = 0; j < 8; ++j) lanes[j] += x[i + j];
+      for (std::size_t j = 0; j < 8; ++j) sums[j] += x[i + j];
     }
-    for (; i < x.size(); ++i) lanes[i % 8] += x[i];
+    for (; i < x.size(); ++i) sums[i % 8] += x[i];
+    lanes = sums;
   }
   [[nodiscard]] double even() const { return (lanes[0] + lanes[2]) + (lanes[4] + lanes[6]); }
   [[nodiscard]] double odd() const { return (lanes[1] + lanes[3]) + (lanes[5] + lanes[7]); }
@@ -173,26 +184,17 @@ struct IntervalPoints {
 
   auto points(std::int64_t level, std::int64_t group_level, Stream& rng) const {
     const std::int64_t size = doubled_draws(group_level);
-    const double step = scale / static_cast<double>(doubled_draws(level));
+    const double step = scale * share_of_draw(level);
     Positions positions(level, group_level, rng);
     if constexpr (BatchedIntegrand<F>) {
-      const auto fill = [this, start = from, step, positions, size, left = std::int64_t{0},
-                         group = typename Positions::Group{}](std::span<double> out) mutable {
-        const double a = start;
+      const auto fill = [this, start = from, step, positions](std::span<double> out) mutable {
+        const double a = start;  // not the members: the loop writes doubles
         const double h = step;
-        std::array<double, block_size> at;
-        for (std::size_t made = 0; made < out.size();) {
-          if (left == 0) {
-            group = positions.next_group();
-            left = size;
-          }
-          const auto n = std::min(static_cast<std::int64_t>(out.size() - made), left);
-          group.fill(std::span(at).subspan(made, static_cast<std::size_t>(n)));
-          left -= n;
-          made += static_cast<std::size_t>(n);
-        }
-        for (std::size_t i = 0; i < out.size(); ++i) at[i] = a + h * at[i];
-        f(std::span<const double>(at).first(out.size()), out);
+        std::array<double, block_size> numbers;
+        const std::span<double> at = std::span(numbers).first(out.size());
+        positions.fill(at);
+        for (double& x : at) x = a + h * x;
+        f(std::span<const double>(at), out);
       };
       return Blocks(fill, doubled_draws(level), size);
     } else {
@@ -209,38 +211,51 @@ struct IntervalPoints {
 class CombPositions {
  public:
   CombPositions(std::int64_t level, std::int64_t group_level, Stream& rng)
-      : groups_(doubled_draws(level - group_level)), offset_(rng.uniform()) {}
+      : groups_(doubled_draws(level - group_level)),
+        size_(doubled_draws(group_level)),
+        offset_(rng.uniform()) {}
 
-  class Group {
-   public:
-    Group() = default;
-    Group(std::int64_t first, std::int64_t stride, double offset)
-        : part_(first), stride_(stride), offset_(offset) {}
-    double operator()() {
-      const double at = static_cast<double>(part_) + offset_;
-      part_ += stride_;
+  auto next_group() {
+    return [part = group_++, stride = groups_, offset = offset_]() mutable {
+      const double at = static_cast<double>(part) + offset;
+      part += stride;
       return at;
-    }
-    void fill(std::span<double> at) {
-      const auto first = static_cast<double>(part_);  // whole numbers below 2^53: sums and products are exact
-      const auto stride = static_cast<double>(stride_);
-      const double offset = offset_;  // not the member: the loop writes doubles
-      const int n = static_cast<int>(at.size());
-      for (int i = 0; i < n; ++i) at[static_cast<std::size_t>(i)] = (first + stride * i) + offset;
-      part_ += n * stride_;
-    }
+    };
+  }
 
-   private:
-    std::int64_t part_ = 0;
-    std::int64_t stride_ = 0;
-    double offset_ = 0;
-  };
-  Group next_group() { return {group_++, groups_, offset_}; }
+  void fill(std::span<double> at) {
+    if (size_ == 1) {  // groups of one part: all parts in order
+      write(at, group_, 1);
+      group_ += static_cast<std::int64_t>(at.size());
+      return;
+    }
+    for (std::size_t made = 0; made < at.size();) {
+      const auto n = std::min(static_cast<std::int64_t>(at.size() - made), size_ - within_);
+      write(at.subspan(made, static_cast<std::size_t>(n)), group_ + within_ * groups_, groups_);
+      made += static_cast<std::size_t>(n);
+      within_ += n;
+      if (within_ == size_) {
+        within_ = 0;
+        ++group_;
+      }
+    }
+  }
 
  private:
+  void write(std::span<double> at, std::int64_t first_part, std::int64_t parts_apart) const {
+    const auto first =
+        static_cast<double>(first_part);  // whole numbers below 2^53: sums and products are exact
+    const auto stride = static_cast<double>(parts_apart);
+    const double offset = offset_;  // not the member: the loop writes doubles
+    const int n = static_cast<int>(at.size());
+    for (int i = 0; i < n; ++i) at[static_cast<std::size_t>(i)] = (first + stride * i) + offset;
+  }
+
   std::int64_t groups_;
+  std::int64_t size_;
   double offset_;
   std::int64_t group_ = 0;
+  std::int64_t within_ = 0;  // parts of the group that are written
 };
 
 /// A uniform point in each part. Group r takes one part out of each of the 2^group_level coarse ones,
@@ -251,24 +266,23 @@ class JitteredPositions {
   JitteredPositions(std::int64_t level, std::int64_t group_level, Stream& rng)
       : rng_(&rng),
         choices_(rng),
+        size_(doubled_draws(group_level)),
         pairs_(doubled_draws(level - group_level) / 2),
         masked_(group_level > 0 && pairs_ > 1) {}
 
-  class Group {
-   public:
-    Group() = default;
-    Group(JitteredPositions* positions, std::int64_t group) : positions_(positions), group_(group) {}
-    double operator()() { return positions_->position(group_, coarse_++); }
-    void fill(std::span<double> at) {
-      for (double& x : at) x = (*this)();
-    }
+  auto next_group() {
+    return [this, group = group_++, coarse = std::int64_t{0}]() mutable { return position(group, coarse++); };
+  }
 
-   private:
-    JitteredPositions* positions_ = nullptr;
-    std::int64_t group_ = 0;
-    std::int64_t coarse_ = 0;
-  };
-  Group next_group() { return {this, group_++}; }
+  void fill(std::span<double> at) {
+    for (double& x : at) {
+      x = position(group_, within_++);
+      if (within_ == size_) {
+        within_ = 0;
+        ++group_;
+      }
+    }
+  }
 
  private:
   static constexpr std::uint64_t mask_branch = std::uint64_t{1} << 62;
@@ -295,9 +309,11 @@ class JitteredPositions {
 
   Stream* rng_;
   Stream choices_;
+  std::int64_t size_;
   std::int64_t pairs_;
   bool masked_;
   std::int64_t group_ = 0;
+  std::int64_t within_ = 0;  // points of the group that fill() has written
   std::uint64_t last_tag_ = 0;
   std::uint64_t last_bits_ = 0;
 };
