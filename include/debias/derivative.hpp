@@ -488,7 +488,7 @@ PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& 
 template <class F, ArrayValue A, ArrayValue J>
 PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape,
                                      const DifferenceOptions& options = {}) {
-  return {f, at, shape, options, detail::smooth_rates(options)};
+  return {f, at, J(J::Zero(shape.rows(), shape.cols())), options, detail::smooth_rates(options)};
 }
 
 /// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
