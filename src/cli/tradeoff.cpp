@@ -55,7 +55,8 @@ std::pair<double, double> parameters(const Family& family, const MeasuredRates& 
   double low = std::isfinite(range.low) ? std::min(range.low, range.high) : 1;
   double high = std::isfinite(range.high) ? std::max(range.low, range.high) : low + 3;
   const double beyond = std::max(0.25, 0.25 * (high - low));
-  low = std::max(low - beyond, family.name == "zeta" ? 1.05 : 0.1);
+  // Below 1.5 a zeta law reaches levels beyond 64 bits, P = 2^(-62 (s - 1)), within any run worth its name.
+  low = std::max(low - beyond, family.name == "zeta" ? 1.5 : 0.1);
   return {low, std::max(high + beyond, low + 0.5)};
 }
 
