@@ -189,7 +189,7 @@ TEST_CASE("a survey draws from streams that no sample sees, the same for any thr
 }
 
 TEST_CASE("a survey that is interrupted keeps its complete levels and says so", "[survey][exact]") {
-  Plan plan{.samples = 5000, .seed = 1};
+  Plan plan{.samples = 5000, .seed = 1, .threads = 1};
   plan.progress = [](std::int64_t done) { return done < 17000; };
   const Survey s = survey(SquaredMean{}, 8, plan);
   CHECK(s.rows.size() == 3);
