@@ -29,6 +29,7 @@ constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
 constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
+constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
 constexpr double never_seen =
     1e-6;                     // of a second moment, for the one of a base that showed nothing but zeros
 constexpr double bend = 0.1;  // octaves that a second moment may lie beside the fitted line
@@ -112,6 +113,8 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
     } else if (beyond) {
       // Hardly seen: what the line says, and its error; a few zeros or one outlier say nothing.
       a[k] = std::exp2(line.at(level) + line.error(level));
+      // A line that may not fall at all predicts nothing; the law then bets on a decay that some law survives.
+      if (s.law_exists == Answer::cannot_tell) a[k] = std::min(a[k], fall * a[k - 1]);
     } else if (measured && row->votes) {
       a[k] = row->second_moment;
     } else if (measured) {
@@ -226,9 +229,9 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
     t.work[0] = base.value_work;
-    if (t.variance[0] + t.mean_square[0] ==
-        0) {  // a base that is zero in every draw still has to be an outcome
-      t.variance[0] = never_seen * *std::max_element(t.variance.begin(), t.variance.end());
+    // A base that is zero in every draw still has to be an outcome.
+    if (t.variance[0] + t.mean_square[0] == 0) {
+      t.variance[0] = never_seen * (t.variance[1] + t.mean_square[1] + std::numeric_limits<double>::min());
     }
     if (t.block == 1) t.fixed_variance = -limit * limit;
     return t;
@@ -269,6 +272,11 @@ double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base
   return roots * roots;
 }
 
+bool Advice::usable() const {
+  if (survey.law_exists != Answer::cannot_tell) return survey.law_exists == Answer::yes;
+  return debias::law_exists(rates_of(survey.rates));  // false for rates that are not known
+}
+
 namespace {
 
 // Chooses among candidates, from one survey.
@@ -289,6 +297,7 @@ class Choice {
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
       if (m < highest && !settled(m)) continue;
+      if (m > lowest && exhausted(m)) break;
       for (const Base base : {Base::always, Base::drawn}) {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
@@ -319,6 +328,12 @@ class Choice {
       if (r.second_moment > 0) return false;
     }
     return true;
+  }
+
+  // The differences above m are next to nothing beside the value: rounding, or the end of the sequence, is near.
+  [[nodiscard]] bool exhausted(std::int64_t m) const {
+    const SurveyRow& next = row(m + 1);
+    return next.second_moment < negligible * (next.mean * next.mean + next.variance);
   }
 
   TermMoments moments_of(const Setup& setup, double share) {
@@ -415,6 +430,8 @@ double wanted_members(const Advice& advice, const Plan& plan) {
 
 std::string rate_text(const MeasuredRates& r) {
   if (r.kind == RateKind::exact_zero) return "the differences are zero beyond the first levels";
+  if (std::isnan(r.variance.value))
+    return "too few levels have enough draws for their kurtosis to show a decay";
   if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
   const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
   const char* end = r.kind == RateKind::polynomial ? "" : ")";
@@ -425,19 +442,24 @@ std::string rate_text(const MeasuredRates& r) {
 void describe_none(Advice& a) {
   const MeasuredRates& r = a.survey.rates;
   const bool polynomial = r.kind == RateKind::polynomial;
-  const double rho = r.work.value + narrow + (polynomial ? 1 : 0);
+  const double work = std::isfinite(r.work.value) ? r.work.value : 1;
+  const double rho = work + narrow + (polynomial ? 1 : 0);
   a.law = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
   a.exponent = a.law.tail_exponent();
   const double excess = rho - r.variance.value / 2;
   a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
-  a.sentences.push_back("no law has finite variance and finite work: " + rate_text(r));
-  std::string best = "the best with finite work is " + a.law.spec() + ": moments are finite below " +
-                     text("%.3g", a.highest_moment);
-  if (!polynomial && r.variance.value > 0 && r.work.value > 0) {
-    best += " (stable index " +
-            text("%.3g", std::min(2.0, 2 * r.work.value / (2 * r.work.value - r.variance.value))) +
+  a.sentences.push_back(
+      (a.survey.law_exists == Answer::no
+           ? "no law has finite variance and finite work: "
+           : "cannot tell yet whether a law has finite variance and finite work, and as measured in " +
+                 text("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
+      rate_text(r));
+  std::string best = "the best with finite work is " + a.law.spec();
+  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + text("%.3g", a.highest_moment);
+  if (!polynomial && r.variance.value > 0 && work > 0) {
+    best += " (stable index " + text("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
             " in the limit), the error falls like work^-" +
-            text("%.2g", std::min(0.5, r.variance.value / (2 * r.work.value)));
+            text("%.2g", std::min(0.5, r.variance.value / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -515,11 +537,16 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
     }
     advice = std::move(next);
     const bool open = advice.survey.law_exists != Answer::yes;
-    if (stage == most_stages || (open && budget >= open_pilot_draws * unit)) break;
+    const double open_limit =
+        unit * std::max(open_pilot_draws, 4 * (plan.goal.asked() ? 0 : static_cast<double>(plan.samples)));
+    if (stage == most_stages || (open && budget >= open_limit)) break;
     // A long run deserves a pilot that has seen more, and so does a doubt or a no, whose price is not known yet.
     const double run_work = advice.predicted.work * static_cast<double>(advice.members);
     double wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
-    if (open) wanted = std::max(wanted, 8 * budget);
+    if (open) {
+      wanted = std::clamp(8 * budget, wanted, std::max(wanted, open_limit));
+      pilot.samples *= 4;  // in fewer levels: rare events ask for draws, not for depth
+    }
     if (!(wanted > 1.5 * budget)) break;
     budget = wanted;
   }

@@ -29,9 +29,10 @@ constexpr double confidence_z = 2.6;  // of yes and no: wrong once in two hundre
 constexpr double needless_excess =
     0.2;  // a law for beta - gamma below this part of gamma is none for practice
 constexpr std::size_t fewest_levels = 3;
+constexpr int fewest_for_no = 4;  // fitted levels, unless the deepest is among them
 constexpr std::size_t fewest_scattered = 4;
 constexpr std::int64_t most_levels = 24;
-constexpr double fewest_draws = 128;
+constexpr double fewest_share = 1.0 / 512;  // of the most draws of a level
 
 struct Part {
   std::vector<double> means;
@@ -397,6 +398,14 @@ class Conclusion {
       survey_.law_exists = Answer::yes;
     } else if (excess + error < needless_excess * std::max(r.work.value, 0.0) || excess + error < 0) {
       survey_.law_exists = Answer::no;
+      // Some shallow levels that do not decay yet look like no decay at all.
+      const auto fitted = std::count_if(survey_.rows.begin(), survey_.rows.end(),
+                                        [](const SurveyRow& row) { return row.fitted; });
+      if (fitted < fewest_for_no && !survey_.rows.back().fitted) {
+        survey_.law_exists = Answer::cannot_tell;
+        remark("cannot tell yet whether a law exists: " + std::to_string(fitted) +
+               " levels, all of them shallow, do not decay fast enough; survey with more draws");
+      }
     } else {
       survey_.law_exists = Answer::cannot_tell;
       remark("cannot tell yet whether a law exists: beta - gamma leaves " + text_of(excess) + " +- " +
@@ -514,6 +523,7 @@ bool is_length_error(const std::exception& e) {
 }  // namespace
 
 Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
+  const double fewest_draws = std::max(2.0, fewest_share * static_cast<double>(plan.samples));
   // How deep: while the levels so far leave the next one its fewest draws.
   std::vector<double> each;
   try {

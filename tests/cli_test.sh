@@ -87,6 +87,8 @@ refused 2 "a replay needs the law itself" replay A01 --law auto --seed 1 --sampl
 refused 2 "'roulette'" run D01 --law auto --estimator roulette
 refused 2 "--block = '0'" run A01 --block 0
 refused 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
+refused 2 "takes its draws from --error" run A01 --estimator multilevel
+refused 2 "no law, base level or block" run A01 --estimator multilevel --error 0.1 --law zeta:s=2
 refused 2 "--error = '0'" run A01 --error 0
 refused 2 "--error = ''" run A01 --error ''
 refused 2 "--time = 'soon'" run A01 --time soon
@@ -208,6 +210,8 @@ check "the law of a recipe replays" same "$(value_of value < replay.json)" "$(va
 "$debias" run A01 --error 0.001 --json > out
 check "a goal is met" same $? 0
 check "a goal says so" has '"met": true' out
+"$debias" run E02 --estimator multilevel --error 0.1 > out
+check "multilevel states its bias" has '^bias' out
 "$debias" run A01 --time 1e-9 > out 2> err
 check "exit code of a missed goal" same $? 3
 check "a missed goal prints its result" has 'NOT met' out
@@ -250,7 +254,7 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   json.loads(text, parse_constant=refuse)'
   for command in 'list' 'list estimators' 'list laws' 'run A01 --samples 1000' 'run A01 --samples 1' \
     'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3' 'survey B01 --samples 100' \
-    'survey A01 --samples 100' 'run A01 --law auto --samples 1e4' 'tradeoff A01 --samples 100' \
+    'survey A01 --samples 100' 'run A01 --law auto --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
     'tradeoff E06 --samples 100' 'tradeoff D03 --family zeta --samples 100'; do
     "$debias" $command --json > out
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err

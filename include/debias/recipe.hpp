@@ -10,8 +10,8 @@
 //   Notation: m = base level, p = law, members = samples of the single-term estimator; a block of them is one sample.
 // The pilot draws from streams of its own, so the run knows nothing of it. Levels that the pilot has hardly seen get
 // the mass that the fitted decay asks for, never less: a law that follows a few zeros gives a confident wrong answer.
-// Throws where no law has finite variance and finite work. Fails where the levels that the pilot reached are not
-// yet typical of the deeper ones; the answer "cannot tell" is then a warning of the result.
+// Throws where no law has finite variance and finite work, or none can be seen; a law that is likely but not certain is
+// a warning of the result. Fails where the levels that the pilot reached are not yet typical of the deeper ones.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the law; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cmath>
@@ -91,8 +91,9 @@ struct Advice {
   double highest_moment = 0;  ///< moments of a sample are finite below this order
   std::vector<std::string> sentences;
 
-  /// A law with finite variance and finite work: false only where there is none.
-  [[nodiscard]] bool usable() const { return survey.law_exists != Answer::no; }
+  /// A law with finite variance and finite work: false where there is none, and where nobody can tell yet and the
+  /// rates as measured leave room for none, or are not known.
+  [[nodiscard]] bool usable() const;
 };
 
 std::ostream& operator<<(std::ostream& out, const Advice& advice);

@@ -214,8 +214,8 @@ Survey survey(const S& sequence, std::int64_t levels, const Plan& plan = {.sampl
   return survey(level_runs(sequence), levels, plan);
 }
 
-/// As many levels as `work` pays for (at most 24), each with about the same share of it but at least 128 and at
-/// most plan.samples draws. Stops before a level that the sequence refuses (std::length_error).
+/// As many levels as `work` pays for (at most 24), each with about the same share of it, but at most
+/// plan.samples draws and at least 1/512 of that. Stops before a level that the sequence refuses (std::length_error).
 Survey survey_within(const LevelRuns& runs, double work, const Plan& plan = {.samples = 1 << 16});
 
 }  // namespace debias

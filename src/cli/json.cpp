@@ -236,6 +236,32 @@ std::string replay_json(const Replay& replay) {
   return pretty(json);
 }
 
+std::string multilevel_json(const catalog::Problem& problem, const MultilevelStatistics& s) {
+  Json json = {{"problem", problem.name},
+               {"id", problem.id},
+               {"estimator", "multilevel"},
+               {"mean", number(s.components.front().mean)},
+               {"standard_error", number(s.components.front().standard_error)},
+               {"bias", number(s.bias)},
+               {"goal", {{"error", s.goal}, {"met", s.converged}}},
+               {"alpha", number(s.alpha)},
+               {"beta", number(s.beta)},
+               {"work", number(s.work)},
+               {"seconds", s.seconds},
+               {"seed", s.seed},
+               {"truth", problem.truth}};
+  json["levels"] = Json::array();
+  for (const MultilevelRow& r : s.rows) {
+    json["levels"].push_back({{"level", r.level},
+                              {"count", r.draws},
+                              {"mean", number(r.difference)},
+                              {"variance", number(r.variance)},
+                              {"work", number(r.work)}});
+  }
+  add_versions(json);
+  return pretty(json);
+}
+
 std::string tradeoff_json(const Tradeoff& t) {
   Json json = {{"problem", t.problem->name},
                {"id", t.problem->id},

@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include <debias/multilevel.hpp>
+
 #include "commands.hpp"
 
 namespace debias::cli {
@@ -17,6 +19,7 @@ std::string estimators_json();
 std::string laws_json();
 std::string run_json(const Run& run);
 std::string replay_json(const Replay& replay);
+std::string multilevel_json(const catalog::Problem& problem, const MultilevelStatistics& statistics);
 std::string tradeoff_json(const Tradeoff& tradeoff);
 std::string survey_json(const SurveyOf& survey);
 std::string diagnose_json(const Diagnosis& diagnosis);

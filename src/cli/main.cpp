@@ -47,7 +47,8 @@ std::string version_text() {
 
 void add_choice(CLI::App& app, Arguments& a) {
   app.add_option("PROBLEM", a.problem, "Id or name, see `debias list`")->required();
-  app.add_option("--estimator", a.estimator, "See `debias list estimators`; single_term when there is none")
+  app.add_option("--estimator", a.estimator,
+                 "See `debias list estimators`; single_term when there is none, multilevel with --error")
       ->type_name("NAME");
   app.add_option("--law", a.law, "Law of the random level, see `debias list laws`")->type_name("LAW");
   app.add_option("--block", a.block, "Members of a block of systematic strata, which is one sample")

@@ -1,6 +1,9 @@
 #include <ostream>
+#include <stdexcept>
 #include <string>
 #include <utility>
+
+#include <debias/multilevel.hpp>
 
 #include "commands.hpp"
 #include "json.hpp"
@@ -56,6 +59,40 @@ void print(std::ostream& out, const Run& run) {
                  std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
 }
 
+// The biased baseline with a driver of its own: a target error instead of samples.
+int run_multilevel(const Arguments& arguments, const catalog::Problem& problem) {
+  Plan plan = read_plan(arguments);
+  if (!(plan.goal.error > 0)) {
+    throw std::invalid_argument("--estimator multilevel (takes its draws from --error); write --error 0.01");
+  }
+  if (arguments.law != "declared" || arguments.base_level != "auto" || arguments.block != "1") {
+    throw std::invalid_argument(
+        "--estimator multilevel (has no law, base level or block to choose); leave them out");
+  }
+  Output out(arguments.output);
+  Progress progress(arguments.quiet);
+  plan.progress = [&](std::int64_t finished) {
+    if (progress.due())
+      progress.show(problem.id + ": " + rounded(static_cast<double>(finished)) + " draws of a level");
+    return !interrupted();
+  };
+  const MultilevelStatistics s = multilevel(problem.levels, plan.goal.error, plan);
+  progress.erase();
+  const double distance = (s.components.front().mean - problem.truth) / s.goal;
+  if (arguments.json) {
+    out.stream() << multilevel_json(problem, s) << '\n';
+  } else {
+    print_line(out.stream(), "problem", title(problem) + ": " + problem.formula);
+    out.stream() << s;
+    print_line(out.stream(), "truth",
+               rounded(problem.truth, 15) + ", " + rounded(distance, 3) + " goals away");
+  }
+  out.flush();
+  if (s.converged) return done;
+  complain("the goal is missed: the levels are not enough");
+  return goal_missed;
+}
+
 }  // namespace
 
 std::string law_text(const catalog::Choice& choice) {
@@ -64,6 +101,7 @@ std::string law_text(const catalog::Choice& choice) {
 
 int run(const Arguments& arguments) {
   const catalog::Problem& problem = catalog::find(arguments.problem);
+  if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
   const bool by_recipe = wants_recipe(arguments);
   catalog::Choice choice;
   RecipeOptions options;

@@ -18,6 +18,7 @@
 #include <string>
 #include <utility>
 
+#include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/sequence.hpp>
@@ -73,6 +74,10 @@ class Progressive {
     const std::int64_t j = law_.sample(law_stream.uniform());
     const std::int64_t level = m + 1 + j;
     return detail::base_and_difference(sequence_, m, level, inverse_weight(law_.mass(j), level), rng, record);
+  }
+
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
+    return sequence_.bias_bound(levels);
   }
 
   [[nodiscard]] std::string describe() const {
