@@ -442,8 +442,7 @@ int diagnose(const Arguments& arguments) {
     throw FileError(why);
   }
   if (d.nonfinite == 0 && d.moments.count > 1) {
-    const double half_width = 1.959963984540054 * d.moments.standard_error();
-    d.interval = {d.moments.mean - half_width, d.moments.mean + half_width, 0.95};
+    d.interval = interval_of(d.moments);
     d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
     if (d.moments.m2 > 0) judge_blocks(d);
     const auto values = std::span<const double>(d.block_means);
