@@ -145,22 +145,26 @@ BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   return {(means[(groups - 1) / 2] + means[groups / 2]) / 2, static_cast<std::int64_t>(groups)};
 }
 
-Interval batch_interval(std::span<const double> batch_means, double confidence) {
+Interval interval_of(const Moments& moments, double confidence) {
   if (!(confidence > 0 && confidence < 1)) {
-    throw std::invalid_argument("batch_interval: confidence = " + std::to_string(confidence) +
+    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
-  if (batch_means.size() < 2) {
-    throw std::invalid_argument("batch_interval: " + std::to_string(batch_means.size()) +
-                                " batches (must be at least 2); 20 to 100 are usual");
+  if (moments.count < 2) {
+    throw std::invalid_argument("interval: " + std::to_string(moments.count) +
+                                " values (must be at least 2); of batches 20 to 100 are usual");
   }
+  const boost::math::students_t law(static_cast<double>(moments.count - 1));
+  const double half_width = -boost::math::quantile(law, (1 - confidence) / 2) * moments.standard_error();
+  return {moments.mean - half_width, moments.mean + half_width, confidence};
+}
+
+Interval batch_interval(std::span<const double> batch_means, double confidence) {
   Moments moments;
   for (std::size_t i = 0; i < batch_means.size(); i += 256) {
     moments.merge(Moments::of(batch_means.subspan(i, std::min<std::size_t>(256, batch_means.size() - i))));
   }
-  const boost::math::students_t law(static_cast<double>(batch_means.size() - 1));
-  const double half_width = -boost::math::quantile(law, (1 - confidence) / 2) * moments.standard_error();
-  return {moments.mean - half_width, moments.mean + half_width, confidence};
+  return interval_of(moments, confidence);
 }
 
 Verdict judge(const Rates& rates, const TailExponent& law) {

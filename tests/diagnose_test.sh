@@ -58,7 +58,7 @@ check "the verdict in JSON" has '"variance": "finite"' out
 check "the status in JSON" has '"status": "ok"' out
 check "the largest in JSON" has '"row": 1000' out
 cp out expected
-"$debias" diagnose - --json < numbers | sed "s/standard input/'numbers'/" > piped
+"$debias" diagnose - --json < numbers | sed "s/standard input/numbers/" > piped
 check "a pipe gives what a file gives" cmp piped expected
 diagnosed 0 numbers --json -o result
 check "-o writes the file" cmp result expected
@@ -100,6 +100,14 @@ diagnosed 0 equal
 check "equal values" has 'all values are equal' out
 diagnosed 0 equal --json
 check "equal values in JSON" has '"status": "zero_variance"' out
+printf '1e308\n-1e308\n3\n' > huge
+diagnosed 0 huge
+check "squares that overflow are said to" has 'squares of these values overflow' out
+diagnosed 0 huge --json
+check "overflow in JSON" has '"status": "overflow"' out
+seq 3 > three
+diagnosed 0 three
+check "three values show no tail" has 'variance undecided: no tail to be seen' out
 printf '1\n2' > unfinished
 diagnosed 0 unfinished
 check "the last row needs no newline" has '^values *2$' out

@@ -99,10 +99,12 @@ struct BiasedEstimate {
 /// least k values.
 BiasedEstimate median_of_means(std::span<const double> values, double delta = 0.05);
 
-/// Mean of the batches -+ t quantile x standard error, with one degree of freedom less than there are
-/// batches: for values that depend on their neighbours, and for few blocks. Assumes batches that are nearly
-/// independent and normal. Throws std::invalid_argument unless 0 < confidence < 1 and there are at least two
-/// batches.
+/// Mean -+ t quantile x standard error, with one degree of freedom less than there are values.
+/// Throws std::invalid_argument unless 0 < confidence < 1 and there are at least two values.
+Interval interval_of(const Moments& moments, double confidence = 0.95);
+
+/// The same of batch means: for values that depend on their neighbours, and for few blocks. Assumes batches that
+/// are nearly independent and normal.
 Interval batch_interval(std::span<const double> batch_means, double confidence = 0.95);
 
 }  // namespace debias

@@ -362,6 +362,11 @@ void print(std::ostream& out, const Diagnosis& d, const std::string& unit) {
     print_line(out, "verdict", "all values are equal: there is no variance to judge.");
     return;
   }
+  if (!std::isfinite(m.m2)) {
+    print_line(out, "warning",
+               "squares of these values overflow, so there is no standard error; scale them.");
+    return;
+  }
   print_line(out, "in blocks",
              "95 % interval [" + rounded(d.block_interval.low, 8) + ", " + rounded(d.block_interval.high, 8) +
                  "] by " + std::to_string(d.block_means.size()) + " means of " +
@@ -431,7 +436,7 @@ int diagnose(const Arguments& arguments) {
   Source source(arguments.file);
   Output out(arguments.output);
   Diagnosis d = is_text ? read_text(source, arguments) : read_doubles(source);
-  d.file = source.name();
+  d.file = arguments.file == "-" ? source.name() : arguments.file;
   const std::string unit = is_text ? "row" : "value";
   if (d.moments.count == 0) {
     std::string why = source.name() + ": no value";
@@ -442,8 +447,7 @@ int diagnose(const Arguments& arguments) {
     throw FileError(why);
   }
   if (d.nonfinite == 0 && d.moments.count > 1) {
-    const double half_width = 1.959963984540054 * d.moments.standard_error();
-    d.interval = {d.moments.mean - half_width, d.moments.mean + half_width, 0.95};
+    d.interval = interval_of(d.moments);
     d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
     if (d.moments.m2 > 0) judge_blocks(d);
     const auto values = std::span<const double>(d.block_means);
@@ -456,12 +460,12 @@ int diagnose(const Arguments& arguments) {
   }
   out.flush();
   if (d.bad_rows > 0) {
-    complain(d.file + ": " + std::to_string(d.bad_rows) + " bad rows, the first is " + unit + " " +
+    complain(source.name() + ": " + std::to_string(d.bad_rows) + " bad rows, the first is " + unit + " " +
              std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason);
   }
   if (d.nonfinite > 0) {
-    complain(d.file + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " + unit +
-             " " + std::to_string(d.first_nonfinite));
+    complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " +
+             unit + " " + std::to_string(d.first_nonfinite));
     return nonfinite_samples;
   }
   return d.bad_rows > 0 ? file_error : done;

@@ -333,7 +333,7 @@ std::string survey_json(const SurveyOf& s) {
 std::string diagnose_json(const Diagnosis& d) {
   const bool has_mean = d.nonfinite == 0;
   const bool has_error = has_mean && d.moments.count > 1;
-  const bool varies = has_error && d.moments.m2 > 0;
+  const bool varies = has_error && d.moments.m2 > 0;  // infinite where squares overflow
   Json json = {{"file", d.file}, {"column", d.column.empty() ? Json(nullptr) : Json(d.column)}};
   json["values"] = d.moments.count;
   json["bad_rows"] = d.bad_rows;
@@ -365,11 +365,12 @@ std::string diagnose_json(const Diagnosis& d) {
                                {"standard_error", r.count > 1 ? number(r.standard_error()) : Json(nullptr)}});
   }
   json["warnings"] = d.warnings;
-  json["status"] = d.nonfinite > 0  ? "nonfinite"
-                   : d.bad_rows > 0 ? "bad_rows"
-                   : !has_error     ? "one_sample"
-                   : !varies        ? "zero_variance"
-                                    : "ok";
+  json["status"] = d.nonfinite > 0                ? "nonfinite"
+                   : d.bad_rows > 0               ? "bad_rows"
+                   : !has_error                   ? "one_sample"
+                   : !varies                      ? "zero_variance"
+                   : !std::isfinite(d.moments.m2) ? "overflow"
+                                                  : "ok";
   add_versions(json);
   return pretty(json);
 }

@@ -88,6 +88,8 @@ Votes votes_of(const std::vector<LevelRow>& rows) {
       continue;
     }
     zeros = 0;
+    open = open && std::isfinite(row.fourth_moment) && row.fourth_moment > 0;  // neither over- nor underflow
+    if (!open) continue;
     kurtosis = std::max(kurtosis, row.fourth_moment / (row.second_moment * row.second_moment));
     open = open && draws >= std::max(fewest_draws, draws_per_kurtosis * kurtosis);
     if (!open) continue;
@@ -341,7 +343,7 @@ void combine(RunVerdict& v, const Index& tails, bool has_levels, bool base_is_he
 std::string figure(double x) { return std::isfinite(x) ? format("%.2f", x) : "bounded"; }
 
 std::string index_text(const RunVerdict& v) {
-  if (std::isinf(v.tail_index)) return "the values are bounded";
+  if (std::isinf(v.tail_index)) return std::isinf(v.error) ? "no tail to be seen" : "the values are bounded";
   return "tail index " + figure(v.tail_index) + (std::isinf(v.error) ? "" : " +- " + figure(v.error));
 }
 
@@ -391,7 +393,11 @@ Tails tails_of(const Moments& moments, std::span<const double> upper, std::span<
   std::vector<double> mirrored(lower.begin(), lower.end());
   for (double& x : mirrored) x = -x;
   v.lower = tail_index(mirrored, moments.count, -moments.mean);
-  if (!(moments.m2 > 0) || upper.empty() || lower.empty()) return t;
+  if (moments.count < 2 || !std::isfinite(moments.m2) || upper.empty() || lower.empty()) {
+    t.index.error = infinity;  // nothing to judge, or squares that overflow
+    return t;
+  }
+  if (moments.m2 == 0) return t;
   const auto share = [&moments](double x) { return (x - moments.mean) * (x - moments.mean) / moments.m2; };
   t.index = heavier(index_of(v.upper, share(upper.front()), moments.count),
                     index_of(v.lower, share(lower.front()), moments.count));
@@ -410,7 +416,7 @@ RunVerdict judge(const Moments& moments, std::span<const double> upper, std::spa
 RunVerdict judge(const Statistics& s) {
   Tails t = tails_of(s.moments, s.upper_tail, s.lower_tail);
   RunVerdict& v = t.verdict;
-  v.levels = evidence_of(s.levels);
+  if (s.nonfinite == 0) v.levels = evidence_of(s.levels);
   bool has_levels = false;
   for (const LevelRow& row : s.levels) {
     v.deepest_level = std::max(v.deepest_level, row.last_level);

@@ -329,6 +329,36 @@ TEST_CASE("numbers without levels are judged by their tails", "[verdict]") {
   CHECK_FALSE(judged(pareto(0.5)).variance == Finiteness::finite);
 }
 
+TEST_CASE("where there is nothing to judge the verdict is undecided", "[verdict]") {
+  const auto undecided = [](const RunVerdict& v) {
+    return v.variance == Finiteness::undecided && v.fourth_moment == Finiteness::undecided;
+  };
+  CHECK(undecided(RunVerdict{}));
+  CHECK(undecided(judge(Statistics{})));
+  CHECK(undecided(judge(Moments{}, {}, {})));
+  const auto estimator = single_term(
+      [](std::int64_t k, Stream& rng) {
+        return Draw<double>{1, std::exp2(-static_cast<double>(k)) * rng.normal(), 1};
+      },
+      Geometric(0.6));
+  CHECK(undecided(estimate(estimator, {.samples = 1}).verdict()));
+  const auto nan_at = [](double bad) {
+    return [bad](Stream& rng) { return rng.index() == 77 ? bad : rng.uniform(); };
+  };
+  CHECK(undecided(estimate(nan_at(std::nan("")), {.samples = 1000}).verdict()));
+  CHECK(undecided(estimate(nan_at(forever), {.samples = 1000}).verdict()));
+  CHECK(undecided(estimate(nan_at(1e200), {.samples = 1000}).verdict()));  // its square overflows
+  // Scales at which fourth powers leave the doubles: no vote, no nonsense.
+  for (const double scale : {1e-120, 1e120}) {
+    Statistics s = statistics_of({.beta = 2, .rho = 1.2});
+    for (LevelRow& row : s.levels) {
+      row.second_moment *= scale * scale;
+      row.fourth_moment = 3 * row.second_moment * row.second_moment;
+    }
+    CHECK(undecided(judge(s)));
+  }
+}
+
 TEST_CASE("merged results have the verdict of one run", "[verdict]") {
   const auto estimator = single_term(
       series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); }, geometric_terms(0.5)),
