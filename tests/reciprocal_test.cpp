@@ -285,6 +285,8 @@ TEST_CASE("the reciprocal of an array is taken component by component", "[recipr
 TEST_CASE("arguments that no reciprocal can have are refused, and draws beyond a majorant thrown out loud",
           "[reciprocal][exact]") {
   CHECK_THROWS_AS(reciprocal_trials(bounded, 0), std::invalid_argument);
+  CHECK_THROWS_AS(clamped_reciprocal(bounded, 0), std::invalid_argument);
+  CHECK_THROWS_AS(clamped_reciprocal_of_integral(twice, std::nan("")), std::invalid_argument);
   CHECK_THROWS_WITH(reciprocal_residual(bounded, 0, 1.5), Catch::Contains("reciprocal_trials"));
   CHECK_THROWS_AS(reciprocal_residual(bounded, 2, 1.5), std::invalid_argument);
   CHECK_THROWS_AS(ReciprocalProduct(bounded, 0, 0.5), std::invalid_argument);

@@ -39,7 +39,6 @@ const auto uniform = [](Stream& rng) { return rng.uniform(); };
 const auto depth = [](Stream& rng) { return 2 * rng.uniform(); };
 /// E X = 1, X in (1/2, 3/2).
 const auto near_one = [](Stream& rng) { return 0.5 + rng.uniform(); };
-const auto thick = [](double tau) { return [tau](Stream& rng) { return 2 * tau * rng.uniform(); }; };
 
 template <class E>
 bool rejected(const E& wrong, double truth, std::int64_t samples = 1 << 16) {
@@ -486,6 +485,8 @@ TEST_CASE("a centre or a law without finite variance is refused with a feasible 
   CHECK_THROWS_WITH(roulette(terms, Geometric(0.8)),
                     Catch::Contains("0.25") && Catch::Contains("Geometric(0.5"));
   CHECK_THROWS_WITH(roulette(terms, Poisson(5)), Catch::Contains("finite variance"));
+  CHECK_THROWS_WITH(roulette(terms, IndexRoulette(5)), Catch::Contains("finite variance"));
+  CHECK_NOTHROW(roulette(taylor(depth, functions::ExpMinus{}, centre_between(0, 2)), IndexRoulette(2)));
   CHECK_THROWS_AS(taylor_sum(near_one, functions::Log{}, centre_between(0.5, 1.5), Geometric(0.8)),
                   std::invalid_argument);
   CHECK_THROWS_AS(taylor_sum(near_one, functions::Log{}, 1.0, Geometric(0.8), {.base_level = -1}),

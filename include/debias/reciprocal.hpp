@@ -50,7 +50,14 @@ auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
 
 /// 1 / max(m, scale 2^-(level + 1)): the bound vanishes in the limit, so the differences still telescope.
 struct ClampedReciprocal {
-  double scale = 1;  ///< of the means: small against E X, so that the clamp is rarely met
+  double scale;  ///< of the means: small against E X, so that the clamp is rarely met
+
+  /// Throws std::invalid_argument unless the scale is positive and finite.
+  explicit ClampedReciprocal(double scale_of_means) : scale(scale_of_means) {
+    if (scale > 0 && std::isfinite(scale)) return;
+    throw std::invalid_argument("clamped_reciprocal: scale = " + std::to_string(scale) +
+                                " (must be positive and finite, small against E X)");
+  }
 
   double at(std::int64_t level, double m) const {
     const double least = floor(level);

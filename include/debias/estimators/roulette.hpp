@@ -121,6 +121,7 @@ struct IndexRoulette {
     throw std::invalid_argument("IndexRoulette: c = " + std::to_string(c) + " (must be positive and finite)");
   }
   double operator()(std::int64_t level) const { return std::min(1.0, c / static_cast<double>(level)); }
+  [[nodiscard]] static TailExponent tail_exponent() { return {Rates::faster_than_any}; }
   [[nodiscard]] std::string spec() const { return "index:c=" + std::to_string(c); }
 };
 
@@ -150,10 +151,13 @@ class PolicyRoulette {
  public:
   using value_type = sequence_value_t<S>;
 
-  /// Throws std::invalid_argument for a negative base level.
+  /// Throws std::invalid_argument for a negative base level, or a policy that the terms refuse (`require`).
   PolicyRoulette(S terms, C policy, const RouletteOptions& options)
       : terms_(std::move(terms)), policy_(std::move(policy)), base_level_(options.base_level) {
     detail::check_base_level("roulette", base_level_);
+    if constexpr (requires { terms_.require(policy_.tail_exponent()); }) {
+      terms_.require(policy_.tail_exponent());
+    }
   }
 
   /// Throws std::length_error where 10^9 terms are not enough: they do not fall.
