@@ -11,7 +11,7 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/sde.hpp>
 
-#include "media.hpp"
+#include "against_loops.hpp"
 
 namespace debias::bench {
 namespace {
@@ -27,10 +27,10 @@ double call(double s) { return std::exp(-r) * std::max(s - 100, 0.0); }
 
 int plain_level(Stream& rng, double log_q) { return static_cast<int>(std::log(rng.uniform()) / log_q) + 1; }
 
-void plain_european(benchmark::State& state) {
+void plain_european() {
   const Geometric law = Geometric::with_exponent(1.3);
-  const auto plain = [p = law.mass(0)](Stream& rng) {
-    const int level = plain_level(rng, std::log1p(-p));
+  const auto plain = [p = law.mass(0)](Stream& order, Stream& rng) {
+    const int level = plain_level(order, std::log1p(-p));
     const double base = call(step(100, 1, rng.normal()));
     const int n = 1 << level;
     const double h = 1.0 / n;
@@ -45,19 +45,17 @@ void plain_european(benchmark::State& state) {
     }
     return base + (call(fine) - call(coarse)) / (p * std::pow(1 - p, level - 1));
   };
-  compare(state, single_term(milstein(stock, call), law), plain);
+  register_comparison("milstein/european", single_term(milstein(stock, call), law), plain);
 }
-BENCHMARK(plain_european)->Name("plain/milstein/european")->Iterations(1)->Unit(benchmark::kMillisecond);
-
-void plain_lookback(benchmark::State& state) {
+void plain_lookback() {
   const Geometric law = Geometric::with_exponent(1.3);
   const auto bridge = [](double low, double from, double to, double b, double h, double u) {
     const double rise = to - from;
     return std::min(low, (from + to - std::sqrt(rise * rise - 2 * b * b * h * std::log(u))) / 2);
   };
   const auto pay = [](double end, double low) { return std::exp(-r) * (end - low); };
-  const auto plain = [p = law.mass(0), bridge, pay](Stream& rng) {
-    const int level = plain_level(rng, std::log1p(-p));
+  const auto plain = [p = law.mass(0), bridge, pay](Stream& order, Stream& rng) {
+    const int level = plain_level(order, std::log1p(-p));
     const double end = step(100, 1, rng.normal());
     const double base = pay(end, bridge(1e300, 100, end, sigma * 100, 1, rng.uniform()));
     const int n = 1 << level;
@@ -85,9 +83,14 @@ void plain_lookback(benchmark::State& state) {
     return base + (pay(fine, fine_low) - pay(coarse, coarse_low)) / (p * std::pow(1 - p, level - 1));
   };
   const auto payoff = [](const Minimum& path) { return std::exp(-r) * (path.terminal - path.minimum); };
-  compare(state, single_term(milstein(stock, Minimum{}, payoff), law), plain);
+  register_comparison("milstein/lookback", single_term(milstein(stock, Minimum{}, payoff), law), plain);
 }
-BENCHMARK(plain_lookback)->Name("plain/milstein/lookback")->Iterations(1)->Unit(benchmark::kMillisecond);
+
+const bool registered = [] {
+  plain_european();
+  plain_lookback();
+  return true;
+}();
 
 }  // namespace
 }  // namespace debias::bench

@@ -13,13 +13,13 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/series.hpp>
 
-#include "media.hpp"
+#include "against_loops.hpp"
 
 namespace debias::bench {
 namespace {
 
 // A light path in a furnace: one random number a vertex, emission 2 u.
-void plain_light_path(benchmark::State& state) {
+void plain_light_path() {
   struct Vertex {
     double emission;
     double throughput;
@@ -32,31 +32,29 @@ void plain_light_path(benchmark::State& state) {
         return Vertex{2 * rng.uniform(), 0.8 * v.throughput};
       },
       [](const Vertex& v) { return v.throughput * v.emission; }, geometric_terms(0.8));
-  const auto plain = [](Stream& rng) {
+  const auto plain = [](Stream& order, Stream& rng) {
     double radiance = 2 * rng.uniform();
     double throughput = 1;
-    while (rng.uniform() < 0.8) {
+    while (order.uniform() < 0.8) {
       throughput *= 0.8 / 0.8;
       radiance += throughput * 2 * rng.uniform();
     }
     return radiance;
   };
-  compare(state, roulette(path, Geometric(0.2)), plain);
+  register_comparison("light_path", roulette(path, Geometric(0.2)), plain);
 }
-BENCHMARK(plain_light_path)->Name("plain/light_path")->Iterations(1)->Unit(benchmark::kMillisecond);
-
 // The walk of Ulam and von Neumann on a 2 x 2 matrix.
-void plain_walk(benchmark::State& state) {
+void plain_walk() {
   const Eigen::Matrix2d a{{0.5, 0.4}, {0.2, 0.3}};
   const auto walk = neumann_walk(a, Eigen::Vector2d(1, 2), Eigen::Vector2d(1, 0));
   const double survival = 0.7;
-  const auto plain = [survival](Stream& rng) {
+  const auto plain = [survival](Stream& order, Stream& rng) {
     constexpr std::array<std::array<double, 2>, 2> entries{{{0.5, 0.4}, {0.2, 0.3}}};
     constexpr std::array<double, 2> b{1, 2};
     std::size_t at = 0;
     double weight = 1;
     double sum = b[0];
-    while (rng.uniform() < survival) {
+    while (order.uniform() < survival) {
       const double row = entries[at][0] + entries[at][1];
       at = rng.uniform() * row < entries[at][0] ? 0 : 1;
       weight *= row / survival;
@@ -64,9 +62,14 @@ void plain_walk(benchmark::State& state) {
     }
     return sum;
   };
-  compare(state, roulette(walk, Geometric(1 - survival)), plain);
+  register_comparison("neumann_walk", roulette(walk, Geometric(1 - survival)), plain);
 }
-BENCHMARK(plain_walk)->Name("plain/neumann_walk")->Iterations(1)->Unit(benchmark::kMillisecond);
+
+const bool registered = [] {
+  plain_light_path();
+  plain_walk();
+  return true;
+}();
 
 }  // namespace
 }  // namespace debias::bench
