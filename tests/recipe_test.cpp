@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstdint>
 #include <sstream>
 #include <stdexcept>
@@ -247,6 +248,23 @@ TEST_CASE("a goal for the error fixes the members before the run", "[recipe][sta
   const auto relative = estimate(recipe(Comb{}), {.seed = 2, .goal = {.relative_error = 1e-4}});
   CHECK(relative.total_error() == Approx(1e-4 * relative.size()).epsilon(0.2));
   CHECK_THROWS_WITH(estimate(recipe(Comb{}), {.goal = {.error = -1}}), Catch::Contains("error = -1"));
+}
+
+TEST_CASE("a recipe takes values with several components", "[recipe][statistical]") {
+  using Complex = std::complex<double>;
+  // Differences (1 + i / 2) 2^(-k-1) on average, with noise of that size: the sum is 1.5 + 0.75 i.
+  const auto sequence = [](std::int64_t level, Stream& rng) {
+    const double a = rng.uniform();
+    const double b = rng.uniform();
+    const Complex d = Complex(2 * a, b) * (level == 0 ? 1.0 : power(0.5, level + 1));
+    const Complex below = level == 0 ? Complex(0) : Complex(1, 0.5) * (1.5 - power(0.5, level));
+    return Draw<Complex>{below + d, d, power(2, level) / 2};
+  };
+  const auto r = estimate(recipe(sequence), {.samples = 1 << 15, .seed = 3});
+  CHECK(std::abs(r.mean.real() - 1.5) < 4.5 * r.components[0].standard_error);
+  CHECK(std::abs(r.mean.imag() - 0.75) < 4.5 * r.components[1].standard_error);
+  CHECK_FALSE(std::any_of(r.advice.survey.remarks.begin(), r.advice.survey.remarks.end(),
+                          [](const std::string& s) { return s.find("biased") != s.npos; }));
 }
 
 TEST_CASE("a recipe refuses a base level that its pilot does not reach", "[recipe][exact]") {
