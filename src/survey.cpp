@@ -24,7 +24,7 @@ constexpr double octave_floor = 0.03;
 constexpr double negligible = 1e-10;
 constexpr double rounding_size = 1e-13;
 constexpr double chi_square_z = 3.1;  // a right fit fails once in a thousand
-constexpr double drift_z = 1.5;       // how far a slope may move when the shallowest level leaves
+constexpr double drift_z = 1.0;       // how far a slope may move when the shallowest level leaves
 constexpr double confidence_z = 2.6;  // of yes and no: wrong once in two hundred
 constexpr double needless_excess =
     0.2;  // a law for beta - gamma below this part of gamma is none for practice
