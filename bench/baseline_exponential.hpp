@@ -10,6 +10,11 @@
 
 namespace debias::bench::plain {
 
+/// The stream of a level, split from `points`; the one stream, where there is one only.
+inline Stream points_of_level(const Stream& order, const Stream& points, int level) {
+  return &order == &points ? order : split_level(points, level);
+}
+
 /// Ratio tracking, its order by inversion of the Poisson law.
 template <class F>
 double ratio_tracking(const F& f, double a, Stream& order_stream, Stream& points) {
@@ -116,7 +121,7 @@ double telescoping_comb(const F& f, int base, double r, Stream& order, Stream& p
   }
   const int n = 1 << level;
   const int groups = 1 << (level - base);
-  const double u = points.uniform();
+  const double u = points_of_level(order, points, level).uniform();
   double even = 0;
   double odd = 0;
   double bases = 0;

@@ -39,7 +39,9 @@ void register_comb(double tau) {
   register_comparison(
       std::string("telescoping_comb/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau)),
       single_term(function_of_integral(f, functions::ExpMinus{}), law, {.base_level = 2}),
-      [f, r = law.mass(0)](Stream& n, Stream& at) { return plain::telescoping_comb(f, 2, r, n, at); });
+      [f, r = law.mass(0), base = 2](Stream& n, Stream& at) {
+        return plain::telescoping_comb(f, base, r, n, at);
+      });
 }
 
 // ---- means of independent draws: doubling and the power series at equal look-ups

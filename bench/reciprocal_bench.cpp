@@ -146,7 +146,7 @@ const bool registered = [] {
   register_comparison("reciprocal_series", roulette(reciprocal_series(x, a), Geometric(1 - s)),
                       [x, a, s](Stream& n, Stream& at) { return plain_series(x, a, s, n, at); });
   register_comparison("reciprocal_doubling", single_term(reciprocal(x), Geometric(4.0 / 7)),
-                      [x, g](Stream& n, Stream& at) { return plain::doubling(x, g, 4.0 / 7, n, at); });
+                      [x, g, r = 4.0 / 7](Stream& n, Stream& at) { return plain::doubling(x, g, r, n, at); });
   register_table("reciprocal", [](Table& table) {
     add_rows<ramp>(table, "1/2 ... 3/2, a ramp", 0.5, 1.5);
     add_rows<wave>(table, "1 ... 3, a sine", 1, 3);

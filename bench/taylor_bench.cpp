@@ -68,7 +68,7 @@ Cell ratio_tracking(const F& f, double truth) {  // in closed form: it needs mor
   const auto e = single_term(taylor(x, exp_minus, a), Poisson(a), {.base = Base::drawn});
   const auto plain = [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); };
   return {"ratio tracking", std::expm1(-a + a * second - 2 * std::log(truth)), 0, a,
-          time_against(e, plain, 9)};
+          time_against(e, plain, 25)};
 }
 
 // At equal look-ups: combs of n points as the unit of a telescope, of U-statistics, and jittered points. The
