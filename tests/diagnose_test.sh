@@ -173,7 +173,7 @@ check "exit code on a closed pipe" same "$(cat code)" 5
 seq 5000000 > many
 memory=60000
 # a sanitizer reserves terabytes of addresses: its program can't start under the limit and runs without
-(ulimit -v "$memory" && "$debias" --version > /dev/null 2>&1) || memory=unlimited
+{ (ulimit -v "$memory" && "$debias" --version); } > /dev/null 2>&1 || memory=unlimited
 (ulimit -v "$memory" && "$debias" diagnose many > out 2> err)
 check "millions of rows in little memory" same $? 0
 check "and all of them" has '^values *5000000$' out

@@ -292,7 +292,7 @@ Diagnosis read_text(Source& source, const Arguments& arguments) {
       text = {};
     }
     kept = text.size();
-    std::memmove(buffer.data(), text.data(), kept);
+    std::copy(text.begin(), text.end(), buffer.begin());  // forwards: they may overlap
   }
   table.sums().finish(d);
   return d;
