@@ -27,7 +27,6 @@ constexpr std::size_t levels_beyond = 4;       // of the survey that the table o
 constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
 constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
-constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
 constexpr double never_seen =
@@ -169,16 +168,10 @@ LevelModel model_of(const Survey& s, std::int64_t levels) {
 }
 
 double tail_exponent_for(const MeasuredRates& r) {
-  const bool polynomial = r.kind == RateKind::polynomial;
-  const double work = std::isfinite(r.work.value) ? r.work.value : 1;
-  const double low = polynomial ? work + 1 : work;
-  if (r.variance.value == infinity) return low + 1;
-  if (!(r.variance.value - (polynomial ? 1 : 0) > low))
-    return low + 0.1;  // not known, or too slow: finite work
-  const double best = (r.variance.value + work) / 2;
-  const double fourth = polynomial ? (r.fourth.value - 1) / 3 : r.fourth.value / 3;
-  // A bound that leaves next to no room above the work's would buy the fourth moment with endless work.
-  return fourth > low + least_room ? std::min(best, (low + fourth) / 2) : best;
+  MeasuredRates known = r;
+  if (!std::isfinite(known.work.value)) known.work.value = 1;
+  if (law_exists(rates_of(known))) return default_exponent(known);
+  return finite_exponents(rates_of(known)).low + 0.1;  // not known, or too slow: finite work
 }
 
 namespace {

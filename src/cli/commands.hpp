@@ -70,10 +70,11 @@ struct Tradeoff {
   const catalog::Problem* problem = nullptr;
   Survey survey;
   Setup setup;
+  bool shares_base = false;  ///< base and difference are made of the same draws
   std::int64_t samples = 0;
   std::vector<TradeoffPoint> points;
   std::size_t best = 0;  ///< of the points; their number where none is finite
-  double optimum = 0;
+  double optimum = 0;  ///< means nothing, as does the bound, where no law exists
   double bound = 0;
 };
 

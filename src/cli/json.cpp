@@ -272,8 +272,8 @@ std::string tradeoff_json(const Tradeoff& t) {
                {"block", t.setup.block},
                {"rates", rates_json(t.survey.rates)},
                {"law_exists", name_of(t.survey.law_exists)},
-               {"optimum", number(t.optimum)},
-               {"bound", number(t.bound)},
+               {"optimum", t.survey.law_exists == Answer::no ? Json(nullptr) : number(t.optimum)},
+               {"bound", t.survey.law_exists == Answer::no ? Json(nullptr) : number(t.bound)},
                {"best", t.best < t.points.size() ? Json(t.points[t.best].law.spec()) : Json(nullptr)}};
   json["points"] = Json::array();
   for (const TradeoffPoint& p : t.points) {

@@ -112,8 +112,13 @@ void print(std::ostream& out, const Tradeoff& t) {
                     i == t.best ? "<- best of the family" : regions(p)});
   }
   print_table(out, rows);
-  print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
-  print_line(out, "bound", rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach");
+  if (t.survey.law_exists == Answer::no) {
+    print_line(out, "optimum", "none: no law has finite variance and finite work");
+  } else {
+    print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
+    print_line(out, "bound", rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
+                                 (t.shares_base ? " with draws that share nothing" : ""));
+  }
   print_line(out, "base",
              "level " + std::to_string(t.setup.base_level) +
                  (t.setup.base == Base::drawn ? ", one outcome of the law" : ", in every sample"));
@@ -158,6 +163,7 @@ int tradeoff(const Arguments& arguments) {
   t.samples = plan.samples;
   t.setup = {shape.base_level, shape.method == catalog::Method::single_term ? Base::always : Base::drawn,
              shape.block};
+  t.shares_base = t.setup.base == Base::always && problem.levels.shared;
   const double unit = problem.levels.work(shape.base_level, plan).second;
   const double budget = unit * std::max(least_pilot, pilot_share * static_cast<double>(count * plan.samples));
   Plan pilot = plan;

@@ -19,6 +19,9 @@ bool law_exists(const Rates& rates) {
 
 namespace {
 
+constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
+constexpr double comfortable = 7.0 / 8;  // of the way to the latter: tail index 1/7, where 1/4 is the bound
+
 // `fourth` is the decay of E D^4.
 double exponent_below(const Rates& rates, double fourth) {
   const ExponentRange range = finite_exponents(rates);
@@ -33,8 +36,11 @@ double exponent_below(const Rates& rates, double fourth) {
   if (std::isinf(range.high)) return range.low + 1;
   const double best = (rates.variance + rates.work) / 2;
   // 2^(3 rho k) 2^(-fourth k), or k^(3 rho) k^(-fourth), must be summable.
-  const double bound = rates.decay == Decay::geometric ? fourth / 3 : (fourth - 1) / 3;
-  return bound > range.low ? std::min(best, range.low + 0.9 * (bound - range.low)) : best;
+  const double border = rates.decay == Decay::geometric ? 0 : 1;
+  const double bound = (fourth - border) / 3;
+  // A bound that leaves next to no room above the work's would buy the fourth moment with endless work.
+  if (bound < range.low + least_room) return best;
+  return std::min(best, std::max((range.low + bound) / 2, border + comfortable * (bound - border)));
 }
 
 }  // namespace

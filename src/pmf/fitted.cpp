@@ -75,6 +75,9 @@ VarianceAndWork predict(const TermMoments& m, std::span<const double> masses) {
     result.variance += base_variance(m, k) * p + square_at(m, k, p) / p;
     result.work += m.work[k] * p;
   }
+  // Deterministic terms can cancel the squared limit exactly: what is left then is rounding.
+  const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(m.fixed_variance);
+  if (std::abs(result.variance) <= rounding) result.variance = 0;
   return result;
 }
 

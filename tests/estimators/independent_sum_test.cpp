@@ -46,7 +46,7 @@ TEST_CASE("independent_sum is unbiased and honest on squares of means and combs"
 
 TEST_CASE("independent_sum takes the law of the declared rates, and refuses a negative base level",
           "[independent_sum][exact]") {
-  CHECK(independent_sum(SquaredMean{}).law().tail_exponent().exponent == Approx(1.3));
+  CHECK(independent_sum(SquaredMean{}).law().tail_exponent().exponent == Approx(7.0 / 6));
   CHECK(independent_sum(SquaredMean{}, law, {.base_level = 2}).describe() ==
         "independent_sum, geometric:r=0.55, base level 2");
   CHECK_THROWS_WITH(independent_sum(SquaredMean{}, law, {.base_level = -1}),

@@ -71,9 +71,9 @@ ExponentRange finite_exponents(const Rates& rates);
 /// True when some law has finite variance and finite work.
 bool law_exists(const Rates& rates);
 
-/// The rho to take when nothing but the rates is known: the best one for variance x work, moved (at most 90 % of
-/// the way from the lower end) below the bound of the fourth moment where that is possible, so that the
-/// standard error can be trusted.
+/// The rho to take when nothing but the rates is known: the best one for variance x work, but a tail index of 1/7 is
+/// enough (1/4 has an infinite fourth moment), or whatever half-way from the bound of the work to that of the fourth
+/// moment gives, if these lie 0.2 apart. So the standard error can be trusted, and a long run can tell.
 /// Throws std::invalid_argument when no law has finite variance and finite work.
 double default_exponent(const Rates& rates);
 
