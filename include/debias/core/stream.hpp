@@ -37,8 +37,8 @@ class Stream {
 
   Stream(std::uint64_t seed, std::uint64_t index) : key_(seed), index_(index) {}
 
-  /// 64 random bits.
-  std::uint64_t bits() {
+  /// 64 random bits. Inlined by force: a compiler that has inlined a few may call the others, at half the speed.
+  [[gnu::always_inline]] std::uint64_t bits() {
     const bool second = (position_ & 1) != 0;
     if (!second) refill();
     ++position_;
@@ -74,7 +74,7 @@ class Stream {
   [[nodiscard]] std::uint64_t index() const { return index_; }
 
  private:
-  void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
+  [[gnu::always_inline]] void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
 
   static double to_uniform(std::uint64_t bits) {
     return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52;  // 52 bits: with 53 the largest would round to 1

@@ -129,19 +129,23 @@ struct IndexRoulette {
 /// the reference, which is best that of the first term. At a term of zero it goes on in half of the cases,
 /// unless the cursor says that nothing can follow (`ended()`): a coefficient may be zero and the next one
 /// not.
-struct RunningWeight {
-  double reference;
-
+class RunningWeight {
+ public:
   /// Throws std::invalid_argument unless the reference is positive and finite.
-  explicit RunningWeight(double size_of_first_term) : reference(size_of_first_term) {
-    if (reference > 0 && std::isfinite(reference)) return;
-    throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference) +
+  explicit RunningWeight(double size_of_first_term)
+      : reference_(size_of_first_term), inverse_(1 / size_of_first_term) {
+    if (reference_ > 0 && std::isfinite(reference_) && std::isfinite(inverse_)) return;
+    throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference_) +
                                 " (must be positive and finite: the size of the first term, say)");
   }
   double operator()(std::int64_t /*level*/, double size) const {
-    return size > 0 ? std::min(1.0, size / reference) : 0.5;
+    return size > 0 ? std::min(1.0, size * inverse_) : 0.5;
   }
-  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference); }
+  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference_); }
+
+ private:
+  double reference_;
+  double inverse_;
 };
 
 /// Z = sum_(k <= m) T_k + sum_(k > m) T_k / (P_(m+1) ... P_k) while the policy keeps the terms, P_k its

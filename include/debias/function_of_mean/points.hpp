@@ -80,15 +80,23 @@ concept Points = requires(const P& p, std::int64_t level, Stream& rng) {
   { p.extra_work } -> std::convertible_to<double>;
 };
 
-/// The sum of `size` numbers, in double precision at least. Inlined by force: it has four callers, and a call
-/// of it would cost as much as a draw.
-template <class Next>
-[[gnu::always_inline]] inline auto sum_of(std::int64_t size, Next&& next) {
-  using M = mean_t<std::remove_cvref_t<decltype(next())>>;
-  M total(next());
-  for (std::int64_t i = 1; i < size; ++i) total = sum(std::move(total), M(next()));
-  return total;
-}
+/// Sums of groups of `size` numbers, in double precision at least; `group()` begins the next group and returns a
+/// callable of its numbers. Inlined by force: large programs have many callers, and a call costs as much as a draw.
+template <class Group>
+struct GroupSums {
+  std::int64_t size;
+  Group group;
+
+  [[gnu::always_inline]] auto operator()() {
+    auto next = group();
+    using M = mean_t<std::remove_cvref_t<decltype(next())>>;
+    M total(next());
+    for (std::int64_t i = 1; i < size; ++i) total = sum(std::move(total), M(next()));
+    return total;
+  }
+};
+template <class Group>
+GroupSums(std::int64_t, Group) -> GroupSums<Group>;
 
 inline constexpr std::size_t block_size = 256;
 
@@ -168,7 +176,7 @@ struct IndependentPoints {
     if constexpr (BatchedVariable<X>) {
       return Blocks([this, &rng](std::span<double> out) { x.draws(rng, out); }, doubled_draws(level), size);
     } else {
-      return [this, &rng, size] { return sum_of(size, [this, &rng] { return x(rng); }); };
+      return GroupSums{size, [this, &rng] { return [this, &rng] { return x(rng); }; }};
     }
   }
 };
@@ -198,11 +206,11 @@ struct IntervalPoints {
       };
       return Blocks(fill, doubled_draws(level), size);
     } else {
-      return [this, step, positions, size]() mutable {
-        return sum_of(size, [this, step, group = positions.next_group()]() mutable {
-          return f(from + step * group());
-        });
-      };
+      return GroupSums{size, [this, step, positions]() mutable {
+                         return [this, step, position = positions.next_group()]() mutable {
+                           return f(from + step * position());
+                         };
+                       }};
     }
   }
 };
