@@ -109,9 +109,10 @@ double u_statistics(const F& f, int comb, Stream& order, Stream& points) {
   return total / (n + 1);
 }
 
-/// Telescoping comb, geometric law with parameter r, the base averaged over all combs of 2^base points.
-template <class F>
-double telescoping_comb(const F& f, int base, double r, Stream& order, Stream& points) {
+/// Telescoping comb for g(integral of f) with g(m) and gap(m, d) = g(m) - (g(m + d) + g(m - d)) / 2: geometric law
+/// with parameter r, the base averaged over all combs of 2^base points.
+template <class F, class G>
+double telescoping_comb(const F& f, const G& g, int base, double r, Stream& order, Stream& points) {
   int level = base + 1;
   double mass = r;
   double tail = 1 - r;
@@ -125,17 +126,13 @@ double telescoping_comb(const F& f, int base, double r, Stream& order, Stream& p
   double even = 0;
   double odd = 0;
   double bases = 0;
-  for (int g = 0; g < groups; ++g) {
+  for (int group = 0; group < groups; ++group) {
     double sum = 0;
-    for (int i = g; i < n; i += groups) sum += f((i + u) / n);
-    (g % 2 == 0 ? even : odd) += sum;
-    bases += std::exp(-sum * groups / n);
+    for (int i = group; i < n; i += groups) sum += f((i + u) / n);
+    (group % 2 == 0 ? even : odd) += sum;
+    bases += g(sum * groups / n);
   }
-  const double mean = (even + odd) / n;
-  const double half = (even - odd) / n;
-  const double fall = std::expm1(-std::abs(half));
-  const double difference = -0.5 * std::exp(-mean + std::abs(half)) * fall * fall;
-  return bases / groups + difference / mass;
+  return bases / groups + g.gap((even + odd) / n, (even - odd) / n) / mass;
 }
 
 }  // namespace debias::bench::plain

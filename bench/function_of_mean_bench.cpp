@@ -40,7 +40,7 @@ void register_comb(double tau) {
       std::string("telescoping_comb/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau)),
       single_term(function_of_integral(f, functions::ExpMinus{}), law, {.base_level = 2}),
       [f, r = law.mass(0), base = 2](Stream& n, Stream& at) {
-        return plain::telescoping_comb(f, base, r, n, at);
+        return plain::telescoping_comb(f, functions::ExpMinus{}, base, r, n, at);
       });
 }
 

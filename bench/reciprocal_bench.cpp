@@ -47,6 +47,34 @@ double plain_series(const X& x, double a, double s, Stream& order, Stream& point
   return sum;
 }
 
+/// Doubling of 1 / max(mean, scale 2^-(level + 1)), geometric law with parameter r.
+template <class X>
+double plain_clamped(const X& x, double scale, double r, Stream& order, Stream& points) {
+  int level = 1;
+  double mass = r;
+  double tail = 1 - r;
+  for (const double u = order.uniform(); u <= tail && level < 62; ++level) {
+    mass *= 1 - r;
+    tail *= 1 - r;
+  }
+  const int n = 1 << level;
+  const double floor = scale / (2.0 * n);  // of the level; twice that one level below
+  Stream draws = plain::points_of_level(order, points, level);
+  double even = 0;
+  double odd = 0;
+  double bases = 0;
+  for (int i = 0; i < n; i += 2) {
+    const double a = x(draws);
+    const double b = x(draws);
+    even += a;
+    odd += b;
+    bases += 1 / std::fmax(a, scale / 2) + 1 / std::fmax(b, scale / 2);
+  }
+  const double fine = 1 / std::fmax((even + odd) / n, floor);
+  const double coarse = 0.5 / std::fmax(2 * even / n, 2 * floor) + 0.5 / std::fmax(2 * odd / n, 2 * floor);
+  return bases / n + (fine - coarse) / mass;
+}
+
 /// An integrand with its bounds, and the moments of f(U).
 struct Integrand {
   const char* name;
@@ -92,8 +120,8 @@ void add_rows(Table& table, const char* name, double low, double high) {
   const functions::Reciprocal g;
 
   const Cell trials = measure_against(
-      "trials", reciprocal_trials(x, high),
-      [x, high](Stream&, Stream& at) { return plain_trials(x, high, at); }, truth);
+      "trials", reciprocal_trials(x, high), [x, high](Stream&, Stream& at) { return plain_trials(x, high, at); },
+      truth);
   const Cell product = measure_against(
       "product", ReciprocalProduct(x, 1 / a, s),
       [x, a, s](Stream&, Stream& at) { return plain_product(x, 1 / a, s, at); }, truth, 1);
@@ -101,8 +129,7 @@ void add_rows(Table& table, const char* name, double low, double high) {
   if (low > 0) {
     residual = measure_against(
         "residual", reciprocal_residual(x, low, high),
-        [x, low, high](Stream&, Stream& at) { return plain_product(x, 1 / high, 1 - low / high, at); }, truth,
-        1);
+        [x, low, high](Stream&, Stream& at) { return plain_product(x, 1 / high, 1 - low / high, at); }, truth, 1);
   }
   const Cell series = measure_against(
       "series", roulette(reciprocal_series(x, a), Geometric(1 - s)),
@@ -116,18 +143,19 @@ void add_rows(Table& table, const char* name, double low, double high) {
     if (!facts.has_low_density) {
       doubling = measure_against(
           "doubling", single_term(reciprocal(mean), Geometric(4.0 / 7)),
-          [mean, g](Stream& n, Stream& at) { return plain::doubling(mean, g, 4.0 / 7, n, at); }, truth, 0,
-          mean.n);
+          [mean, g](Stream& n, Stream& at) { return plain::doubling(mean, g, 4.0 / 7, n, at); }, truth, 0, mean.n);
     }
-    const Cell clamped = measure(
-        "clamped", single_term(clamped_reciprocal(mean, facts.mean), Geometric(4.0 / 7)), truth, 0, mean.n);
+    const Cell clamped = measure_against(
+        "clamped", single_term(clamped_reciprocal(mean, facts.mean), Geometric(4.0 / 7)),
+        [mean, scale = facts.mean](Stream& n, Stream& at) { return plain_clamped(mean, scale, 4.0 / 7, n, at); }, truth,
+        0, mean.n);
     const Folded<At<f>> unit{x, 3 * lookups / 8};
-    const Cell comb =
-        measure("comb", single_term(reciprocal_of_integral(unit), Geometric(0.8)), truth, 0, unit.n);
+    const Cell comb = measure_against(
+        "comb", single_term(reciprocal_of_integral(unit), Geometric(0.8)),
+        [unit, g](Stream& n, Stream& at) { return plain::telescoping_comb(unit, g, 0, 0.8, n, at); }, truth, 0, unit.n);
     const int base = lookups == 8 ? 1 : lookups == 16 ? 2 : 3;
     const Cell jittered = measure(
-        "jittered",
-        single_term(function_of_jittered_integral(x, g), Geometric(2.0 / 3), {.base_level = base}), truth);
+        "jittered", single_term(function_of_jittered_integral(x, g), Geometric(2.0 / 3), {.base_level = base}), truth);
     table.add(std::string(name) + ", " + std::to_string(lookups) + " look-ups",
               {trials, residual, product, series, symmetric, doubling, clamped, comb, jittered});
   }

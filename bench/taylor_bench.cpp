@@ -67,8 +67,7 @@ Cell ratio_tracking(const F& f, double truth) {  // in closed form: it needs mor
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
   const auto e = single_term(taylor(x, exp_minus, a), Poisson(a), {.base = Base::drawn});
   const auto plain = [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); };
-  return {"ratio tracking", std::expm1(-a + a * second - 2 * std::log(truth)), 0, a,
-          time_against(e, plain, 25)};
+  return {"ratio tracking", std::expm1(-a + a * second - 2 * std::log(truth)), 0, a, time_against(e, plain, 25)};
 }
 
 // At equal look-ups: combs of n points as the unit of a telescope, of U-statistics, and jittered points. The
@@ -97,15 +96,14 @@ void add_rows(Table& table, double tau) {
     const Folded<F> unit{f, 3 * lookups / 8};
     const Cell telescoping = measure_against(
         "comb", single_term(function_of_integral(unit, exp_minus), Geometric(0.8)),
-        [unit](Stream& n, Stream& at) { return plain::telescoping_comb(unit, 0, 0.8, n, at); }, truth, 0,
+        [unit](Stream& n, Stream& at) { return plain::telescoping_comb(unit, exp_minus, 0, 0.8, n, at); }, truth, 0,
         unit.n);
     const int base = lookups == 8 ? 1 : lookups == 16 ? 2 : 3;
     const Cell jittered = measure(
-        "jittered",
-        single_term(function_of_jittered_integral(f, exp_minus), Geometric(2.0 / 3), {.base_level = base}),
+        "jittered", single_term(function_of_jittered_integral(f, exp_minus), Geometric(2.0 / 3), {.base_level = base}),
         truth);
-    table.add(std::string(F::name) + ", tau " + std::to_string(static_cast<int>(tau)) + ", " +
-                  std::to_string(lookups) + " look-ups",
+    table.add(std::string(F::name) + ", tau " + std::to_string(static_cast<int>(tau)) + ", " + std::to_string(lookups) +
+                  " look-ups",
               {tracking, cumulative, cmf, pivoted, telescoping, jittered});
   }
 }

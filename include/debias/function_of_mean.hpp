@@ -98,8 +98,7 @@ class RunningSum {
 /// The sequence g(mean of 2^k points). Stores nothing per point: sums run group by group.
 template <detail::Points P, class G>
 class Doubling {
-  using Mean =
-      std::remove_cvref_t<decltype(std::declval<const P&>().points(0, 0, std::declval<Stream&>())())>;
+  using Mean = std::remove_cvref_t<decltype(std::declval<const P&>().points(0, 0, std::declval<Stream&>())())>;
   static_assert(FunctionOfMean<G, Mean> || detail::LevelFunction<G, Mean>,
                 "g(mean) must return a Value; of Eigen an array, not an expression");
 
@@ -109,8 +108,7 @@ class Doubling {
 
   Rates rates;
 
-  Doubling(P points, G g, const Rates& declared)
-      : rates(declared), points_(std::move(points)), g_(std::move(g)) {}
+  Doubling(P points, G g, const Rates& declared) : rates(declared), points_(std::move(points)), g_(std::move(g)) {}
 
   /// Throws, like the members below, std::length_error above level 62.
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
@@ -128,7 +126,7 @@ class Doubling {
 
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
   /// those of one half, would be biased. Throws std::invalid_argument unless 0 <= base_level < level.
-  SharedDraw<value_type> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
+  [[gnu::always_inline]] SharedDraw<value_type> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
     if (base_level >= level) {
       throw std::invalid_argument("doubling: base_level = " + std::to_string(base_level) +
                                   " (must lie below level = " + std::to_string(level) + ")");
@@ -162,8 +160,7 @@ class Doubling {
       bound.size += rms(row);
     }
     if (bound.size > 0) {
-      bound.sentence =
-          "from level " + std::to_string(first) + " on differences are rounding of g; give it a gap(m, d)";
+      bound.sentence = "from level " + std::to_string(first) + " on differences are rounding of g; give it a gap(m, d)";
     }
     return bound;
   }
@@ -181,7 +178,8 @@ class Doubling {
 
   /// Sums 2^level points by groups of 2^group_level < 2^level; `visit` sees the sums pair by pair.
   template <class Visit>
-  Halves halves(std::int64_t level, std::int64_t group_level, Stream& rng, const Visit& visit) const {
+  [[gnu::always_inline]] Halves halves(std::int64_t level, std::int64_t group_level, Stream& rng,
+                                       const Visit& visit) const {
     doubled_draws(level);  // throws for a level too deep, before anything is drawn
     const std::int64_t groups = doubled_draws(level - group_level);
     auto group = points_.points(level, group_level, rng);
@@ -227,9 +225,7 @@ class Doubling {
     }
   }
 
-  double work(std::int64_t level) const {
-    return static_cast<double>(doubled_draws(level)) + points_.extra_work;
-  }
+  double work(std::int64_t level) const { return static_cast<double>(doubled_draws(level)) + points_.extra_work; }
 
   P points_;
   G g_;
@@ -242,8 +238,8 @@ class Doubling {
 /// Throws std::invalid_argument unless pole >= 0, and moments and power are positive and finite.
 inline std::int64_t base_level_for_pole(double pole, double moments = 4, double power = 1) {
   if (!(pole >= 0 && moments > 0 && power > 0) || !std::isfinite(pole * moments / power)) {
-    throw std::invalid_argument("base_level_for_pole: pole = " + std::to_string(pole) + ", moments = " +
-                                std::to_string(moments) + ", power = " + std::to_string(power) +
+    throw std::invalid_argument("base_level_for_pole: pole = " + std::to_string(pole) +
+                                ", moments = " + std::to_string(moments) + ", power = " + std::to_string(power) +
                                 " (must be positive and finite; a pole of 0, a logarithm, needs nothing)");
   }
   std::int64_t level = 0;
@@ -303,11 +299,7 @@ class CombMean {
  public:
   /// Throws std::invalid_argument unless points >= 1 and the interval is finite.
   CombMean(F f, std::int64_t points, double from, double to)
-      : work(static_cast<double>(points)),
-        f_(std::move(f)),
-        points_(points),
-        from_(from),
-        length_(to - from) {
+      : work(static_cast<double>(points)), f_(std::move(f)), points_(points), from_(from), length_(to - from) {
     detail::check_interval("comb_mean", from, to);
     if (points < 1) {
       throw std::invalid_argument("comb_mean: points = " + std::to_string(points) + " (must be at least 1)");

@@ -72,7 +72,7 @@ struct ClampedReciprocal {
 
  private:
   [[nodiscard]] double floor(std::int64_t level) const {
-    return std::ldexp(scale, -static_cast<int>(level < 1000 ? level : 1000) - 1);
+    return scale * detail::share_of_draw(level < 1000 ? level + 1 : 1000);
   }
 };
 

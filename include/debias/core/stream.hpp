@@ -46,7 +46,7 @@ class Stream {
   }
 
   /// Uniform in the open interval (0, 1); 1 - uniform() lies on the same lattice.
-  double uniform() { return to_uniform(bits()); }
+  [[gnu::always_inline]] double uniform() { return to_uniform(bits()); }
 
   /// Standard normal, by inversion: one uniform each, monotone in it.
   double normal() { return normal_quantile(uniform()); }
