@@ -171,8 +171,16 @@ TEST_CASE("averages of products are those over all subsets, over the blocks of a
     CHECK(simple[k] == Approx(product).epsilon(1e-13));
     if (k < n) product *= f[k];
   }
-  detail::average_products(Products::symmetric, {}, averages, spare);
-  CHECK(averages[0] == 1);
+  // fewer orders than factors: the first averages of the same
+  for (const Products products : {Products::simple, Products::cyclic, Products::symmetric}) {
+    std::vector<double> first(4);
+    detail::average_products(products, f, first, spare);
+    const std::vector<double> all = average(products);
+    CHECK(std::equal(first.begin(), first.end(), all.begin()));
+  }
+  std::vector<double> one(1);
+  detail::average_products(Products::symmetric, {}, one, spare);
+  CHECK(one[0] == 1);
 }
 
 // ---- unbiased, honest
@@ -253,6 +261,37 @@ TEST_CASE("averaging products over all draws quiets the sum: symmetric below cyc
   const double symmetric = variance(Products::symmetric);
   CHECK(cyclic < 0.9 * simple);
   CHECK(symmetric < 0.99 * cyclic);
+}
+
+TEST_CASE("more draws than the order quiet every average, and are paid for once", "[taylor][statistical]") {
+  const double e = std::exp(-1);
+  const functions::ExpMinus g;
+  for (const Products products : {Products::cyclic, Products::symmetric}) {
+    const TaylorSumOptions many{.products = products, .draws = 8};
+    CAPTURE(static_cast<int>(products));
+    CHECK(estimator_laws(taylor_sum(depth, g, 1.0, Geometric(0.5), many), e) == Failures{});
+    CHECK(estimator_laws(taylor_sum(depth, g, drawn_pivot, Geometric(0.5), many), e) == Failures{});
+    const auto few =
+        estimate(taylor_sum(depth, g, 1.0, Geometric(0.5), {.products = products}), {.samples = 1 << 16});
+    const auto more = estimate(taylor_sum(depth, g, 1.0, Geometric(0.5), many), {.samples = 1 << 16});
+    CHECK(more.moments.variance() < 0.5 * few.moments.variance());
+  }
+  // about a given centre order 0 looks nothing up, the orders 1 to 8 take 8 draws, order 12 takes 12
+  const auto sum = taylor_sum(depth, g, 1.0, Geometric(0.1), {.draws = 8});
+  const auto pivoted = taylor_sum(depth, g, drawn_pivot, Geometric(0.1), {.draws = 8});
+  for (std::int64_t i = 0; i < 200; ++i) {
+    const auto t = trace(sum, 1, i);
+    const auto p = trace(pivoted, 1, i);
+    const auto work = static_cast<double>(std::max<std::int64_t>(8, t.sample.level));
+    CHECK(t.sample.work == (t.sample.level == 0 ? 1 : 1 + work));
+    CHECK(p.sample.work == 1 + work);
+    double recorded = 0;
+    for (const TracedLevel& l : t.levels) recorded += l.work;
+    CHECK(recorded == t.sample.work);
+  }
+  CHECK_THROWS_WITH(taylor_sum(depth, g, 1.0, Geometric(0.5), {.draws = -1}), Catch::Contains("draws = -1"));
+  CHECK_THROWS_WITH(taylor_sum(depth, g, 1.0, Geometric(0.5), {.products = Products::simple, .draws = 2}),
+                    Catch::Contains("simple products"));
 }
 
 TEST_CASE("an array of three colours is its components one by one, in every form", "[taylor][statistical]") {

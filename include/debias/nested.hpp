@@ -33,9 +33,8 @@ struct ConditionalPoints {
   static constexpr double extra_work = 1;
 
   auto points(std::int64_t /*level*/, std::int64_t group_level, Stream& rng) const {
-    return [this, &rng, y = outer(rng), size = doubled_draws(group_level)] {
-      return sum_of(size, [&] { return inner(y, rng); });
-    };
+    return GroupSums{doubled_draws(group_level),
+                     [this, &rng, y = outer(rng)] { return [&] { return inner(y, rng); }; }};
   }
 };
 

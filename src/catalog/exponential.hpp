@@ -65,6 +65,20 @@ void add_u_statistics(Problem& p, const F& f, const G& g, std::int64_t points, c
       taylor_sum(comb_mean(f, points), g, drawn_pivot, order));
 }
 
+/// About one fixed estimate of the integral, from `points` look-ups at the middles of parts; four combs at least in
+/// each average.
+template <class F, class G>
+void add_fixed_pivot(Problem& p, const F& f, const G& g, std::int64_t points) {
+  double pivot = 0;
+  for (std::int64_t i = 0; i < points; ++i) {
+    pivot += f((static_cast<double>(i) + 0.5) / static_cast<double>(points)) / static_cast<double>(points);
+  }
+  add(p,
+      {.name = "u_statistics_fixed",
+       .description = "symmetric products of combs about a fixed estimate of the integral"},
+      taylor_sum(comb_mean(f, points), g, pivot, Geometric(0.5), {.draws = 4}));
+}
+
 template <TermSequence S>
 void add_p_series_cumulative(Problem& p, const S& series, double first_term) {
   add(p,
@@ -90,7 +104,9 @@ void add_exponential_methods(Problem& p, const F& f, double majorant, const Rate
       {.name = "p_series_cmf", .description = "the power series, terms to the 99 % quantile, then roulette"},
       roulette(series, IndexRoulette(majorant), {.base_level = prefix_of_p_series(majorant)}));
   const BhanotKennedy order(0.9, 2, 2);
-  add_u_statistics(p, f, g, comb_of_u_statistics(majorant, order), order);
+  const std::int64_t points = comb_of_u_statistics(majorant, order);
+  add_u_statistics(p, f, g, points, order);
+  add_fixed_pivot(p, f, g, points);
   add_jittered(p, f, g, base_level, jittered);
 }
 

@@ -211,11 +211,7 @@ Problem square_of_mean() {
                     .truth = 1,
                     .formula = "(E X)^2, X ~ Exp(1): 1"},
                    function_of_mean(x, functions::Square{}));
-  add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
-      roulette(taylor(x, functions::Square{}, 1.0), Geometric(0.5), {.base_level = 2}));
-  add(p,
-      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
-      taylor_sum(x, functions::Square{}, 1.0, Geometric(0.5), {.base_level = 2}));
+  add_series(p, x, functions::Square{}, 1.0, Geometric(0.5), 1.0);
   return p;
 }
 
@@ -323,14 +319,21 @@ Problem entropy() {
                     .formula = "entropy of (0.5, 0.3, 0.2) from counts, 0 log 0 = 0"},
                    function_of_mean(x, g));
   // Term by term about 1 = E X^2 / E X; the rarest outcome leaves b = E (1 - X)^2 = 0.8.
-  const auto series = taylor_sum(x, MinusXLogX{}, 1.0, Geometric(0.06));
+  const Geometric law(0.06);
+  const auto summed = [](const auto& e) {
+    return [e](Stream& rng) {
+      NullRecord none;
+      const auto s = e(rng, none);
+      return Sample<double>{s.value.sum(), s.work, s.level};
+    };
+  };
+  add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
+      summed(roulette(taylor(x, MinusXLogX{}, 1.0), law)));
+  add(p, {.name = "taylor_cyclic", .description = "the power series about a centre, with cyclic products"},
+      summed(taylor_sum(x, MinusXLogX{}, 1.0, law, {.products = Products::cyclic})));
   add(p,
       {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
-      [series](Stream& rng) {
-        NullRecord none;
-        const auto s = series(rng, none);
-        return Sample<double>{s.value.sum(), s.work, s.level};
-      });
+      summed(taylor_sum(x, MinusXLogX{}, 1.0, law)));
   return p;
 }
 

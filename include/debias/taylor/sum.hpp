@@ -2,16 +2,18 @@
 
 // g(E X) by its power series, with products of k factors averaged over all draws of a sample.
 //
-//   Z = sum_(k <= N) c_k A_k / P(N' >= k),  A_k = average of products of k of the N factors (X_i - a)
-//     simple: the first k;  cyclic: the N blocks of k neighbours on a ring    [Chopin, Crucinio & Singh 2024]
-//     symmetric: all subsets of k (U-statistics), by a recursion in O(N^2)         [Kettunen et al. 2021]
-//   drawn_pivot: of N + 1 draws each is in turn the centre a for the others        [Kettunen et al. 2021]
+//   Z = sum_(k <= N) c_k A_k / P(N' >= k),  A_k = average of products of k of the n factors (X_i - a)
+//     simple: the first k;  cyclic: the n blocks of k neighbours on a ring    [Chopin, Crucinio & Singh 2024]
+//     symmetric: all subsets of k (U-statistics), by a recursion in O(n N)         [Kettunen et al. 2021]
+//   drawn_pivot: of n + 1 draws each is in turn the centre a for the others        [Kettunen et al. 2021]
 //
-// Work and conditions are those of taylor/terms.hpp: averaging quiets the noise, but at k = N there is one
+//   Notation: N = random order, n = max(N, TaylorSumOptions::draws).
+// Work and conditions are those of taylor/terms.hpp: averaging quiets the noise, but at k = n there is one
 // product only. A drawn pivot is not checked: where the radius of g is finite (Davis, 1/x) the terms fall
 // like a power only, and BhanotKennedy or Poisson orders have infinite variance; take Geometric there.
-// O(N^2) arithmetic a sample, O(N^3) with a drawn pivot: for small orders and draws that cost something.
+// O(n N) arithmetic a sample, O(n^2 N) with a drawn pivot: for small orders and draws that cost something.
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <cstddef>
@@ -40,6 +42,7 @@ inline constexpr DrawnPivot drawn_pivot{};
 struct TaylorSumOptions {
   Products products = Products::symmetric;
   std::int64_t base_level = 0;  ///< terms up to this one are always there, with weight 1
+  std::int64_t draws = 0;       ///< at least so many factors in each average, whatever the order
 };
 
 namespace detail {
@@ -58,19 +61,20 @@ class Scratch {
   std::vector<double> heap_;
 };
 
-/// averages[k] = average over the factors f of products of k of them, k = 0 ... f.size(). `spare` is
-/// overwritten.
+/// averages[k] = average over the factors f of products of k of them, for all k < averages.size() <= f.size() + 1.
+/// `spare`, of the size of f, is overwritten.
 inline void average_products(Products products, std::span<const double> f, std::span<double> averages,
                              std::span<double> spare) {
   const std::size_t n = f.size();
+  const std::size_t order = averages.size() - 1;
   averages[0] = 1;
   switch (products) {
     case Products::simple:
-      for (std::size_t k = 1; k <= n; ++k) averages[k] = averages[k - 1] * f[k - 1];
+      for (std::size_t k = 1; k <= order; ++k) averages[k] = averages[k - 1] * f[k - 1];
       return;
     case Products::cyclic:
       for (std::size_t i = 0; i < n; ++i) spare[i] = 1;
-      for (std::size_t k = 1; k <= n; ++k) {
+      for (std::size_t k = 1; k <= order; ++k) {
         double total = 0;
         for (std::size_t i = 0; i < n; ++i) {
           const std::size_t next = i + k - 1;
@@ -82,10 +86,10 @@ inline void average_products(Products products, std::span<const double> f, std::
       return;
     case Products::symmetric:
       // m_k(n) = (1 - k / n) m_k(n - 1) + (k / n) m_(k-1)(n - 1) f_n: the subsets without and with factor n
-      for (std::size_t k = 1; k <= n; ++k) averages[k] = 0;
+      for (std::size_t k = 1; k <= order; ++k) averages[k] = 0;
       for (std::size_t i = 1; i <= n; ++i) {
         const double share = 1 / static_cast<double>(i);
-        for (std::size_t k = i; k > 0; --k) {
+        for (std::size_t k = std::min(i, order); k > 0; --k) {
           averages[k] += static_cast<double>(k) * share * (averages[k - 1] * f[i - 1] - averages[k]);
         }
       }
@@ -101,12 +105,18 @@ class TaylorSum {
   using value_type = mean_t<draw_t<X>>;
   static_assert(detail::Separable<value_type>, "X must be real, or an array of fixed size");
 
-  /// Throws std::invalid_argument for a negative base level, or where g has no series at the pivot.
+  /// Throws std::invalid_argument for a negative base level, draws that the products do not use, or where g has
+  /// no series at the pivot.
   TaylorSum(X x, G g, Pivot pivot, P law, const TaylorSumOptions& options)
       : x_(std::move(x)), g_(std::move(g)), pivot_(pivot), law_(std::move(law)), options_(options) {
     if (options.base_level < 0) {
       throw std::invalid_argument("taylor_sum: base_level = " + std::to_string(options.base_level) +
                                   " (levels start at 0)");
+    }
+    if (options.draws < 0 || (options.draws > 0 && options.products == Products::simple)) {
+      throw std::invalid_argument("taylor_sum: draws = " + std::to_string(options.draws) +
+                                  " (must be at least 0, and 0 for simple products, which use as many as the "
+                                  "order); cyclic and symmetric ones average over all");
     }
     if constexpr (!drawn) g_.expand(pivot_);
   }
@@ -116,20 +126,21 @@ class TaylorSum {
     Stream law_stream = split(rng, Branch::law);
     Stream path = split_level(rng, 0);
     const std::int64_t order = options_.base_level + law_.sample(law_stream.uniform());
-    if (order == 0) return constant_term(path, record);
-    const auto n = static_cast<std::size_t>(order);
+    if (draws_at(order) == 0) return constant_term(path, record);
+    const auto n = static_cast<std::size_t>(draws_at(order));
+    const auto count = static_cast<std::size_t>(order) + 1;  // of terms
     const std::size_t draws = n + (drawn ? 1 : 0);
     const std::size_t parts = component_count(value_type{});
-    detail::Scratch scratch((draws + n + 1) * parts + 3 * n + 1);
+    detail::Scratch scratch((draws + count) * parts + 2 * n + count);
     std::span<double> rest = scratch.numbers();
-    const auto take = [&rest](std::size_t count) {
-      const std::span<double> taken = rest.first(count);
-      rest = rest.subspan(count);
+    const auto take = [&rest](std::size_t some) {
+      const std::span<double> taken = rest.first(some);
+      rest = rest.subspan(some);
       return taken;
     };
     const std::span<double> x = take(draws * parts);
-    const std::span<double> terms = take((n + 1) * parts);
-    const Work work{take(n), take(n + 1), take(n)};
+    const std::span<double> terms = take(count * parts);
+    const Work work{take(n), take(count), take(n)};
 
     for (std::size_t i = 0; i < draws; ++i) {
       const value_type v(x_(path));
@@ -138,7 +149,7 @@ class TaylorSum {
     for (double& t : terms) t = 0;
     for (std::size_t c = 0; c < parts; ++c) {
       const std::span<const double> of_part = x.subspan(c * draws, draws);
-      const std::span<double> terms_of_part = terms.subspan(c * (n + 1), n + 1);
+      const std::span<double> terms_of_part = terms.subspan(c * count, count);
       if constexpr (drawn) {
         for (std::size_t p = 0; p < draws; ++p) add_terms(of_part, of_part[p], p, work, terms_of_part);
         for (double& t : terms_of_part) t /= static_cast<double>(draws);
@@ -169,7 +180,8 @@ class TaylorSum {
     } else {
       text += "user-defined law";
     }
-    return text + ", base level " + std::to_string(options_.base_level);
+    text += ", base level " + std::to_string(options_.base_level);
+    return options_.draws == 0 ? text : text + ", draws " + std::to_string(options_.draws);
   }
 
  private:
@@ -180,6 +192,11 @@ class TaylorSum {
     std::span<double> averages;
     std::span<double> spare;
   };
+
+  /// Factors in a sample of that order. About a given centre the term of order 0 needs none.
+  [[nodiscard]] std::int64_t draws_at(std::int64_t order) const {
+    return order == 0 && !drawn ? 0 : std::max(order, options_.draws);
+  }
 
   /// The sample of order 0, which has no products: with a drawn pivot g of a single draw.
   template <Record R>
@@ -209,7 +226,7 @@ class TaylorSum {
       if (i != left_out) work.factors[n++] = (x[i] - centre) * inverse_scale;
     }
     detail::average_products(options_.products, work.factors, work.averages, work.spare);
-    for (std::size_t k = 0; k <= n; ++k) terms[k] += series() * work.averages[k];
+    for (std::size_t k = 0; k < terms.size(); ++k) terms[k] += series() * work.averages[k];
   }
 
   template <Record R>
@@ -224,16 +241,17 @@ class TaylorSum {
       return v;
     };
     const double base_work =
-        (drawn ? work_per_draw : 1) + static_cast<double>(options_.base_level) * work_per_draw;
+        (drawn ? work_per_draw : 1) + static_cast<double>(draws_at(options_.base_level)) * work_per_draw;
     Sample<value_type> sample{term(0), base_work, order};
     for (std::int64_t k = 1; k <= options_.base_level; ++k)
       sample.value = sum(std::move(sample.value), term(k));
     record.base(options_.base_level, as_scalar(sample.value), base_work);
     for (std::int64_t k = options_.base_level + 1; k <= order; ++k) {
       value_type v = term(k);
-      record.difference(k, as_scalar(v), work_per_draw);
+      const double work = static_cast<double>(draws_at(k) - draws_at(k - 1)) * work_per_draw;
+      record.difference(k, as_scalar(v), work);
       sample.value = sum(std::move(sample.value), scaled(std::move(v), inverse_weight(probability(k), k)));
-      sample.work += work_per_draw;
+      sample.work += work;
     }
     return sample;
   }
