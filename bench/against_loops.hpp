@@ -54,13 +54,7 @@ namespace plain {
 /// g(E X) by doubling independent draws: geometric law with parameter r, the base averaged over all draws.
 template <class X, class G>
 double doubling(const X& x, const G& g, double r, Stream& order, Stream& points) {
-  int level = 1;
-  double mass = r;
-  double tail = 1 - r;
-  for (const double u = order.uniform(); u <= tail && level < 62; ++level) {
-    mass *= 1 - r;
-    tail *= 1 - r;
-  }
+  const auto [level, mass] = geometric_level(1, r, order);
   const int n = 1 << level;
   Stream draws = points_of_level(order, points, level);
   double even = 0;

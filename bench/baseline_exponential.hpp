@@ -15,6 +15,21 @@ inline Stream points_of_level(const Stream& order, const Stream& points, int lev
   return &order == &points ? order : split_level(points, level);
 }
 
+/// A level and its mass under a geometric law with parameter r, by going through the levels.
+struct DrawnLevel {
+  int level;
+  double mass;
+};
+inline DrawnLevel geometric_level(int first, double r, Stream& order) {
+  DrawnLevel d{first, r};
+  double tail = 1 - r;
+  for (const double u = order.uniform(); u <= tail && d.level < 62; ++d.level) {
+    d.mass *= 1 - r;
+    tail *= 1 - r;
+  }
+  return d;
+}
+
 /// Ratio tracking, its order by inversion of the Poisson law.
 template <class F>
 double ratio_tracking(const F& f, double a, Stream& order_stream, Stream& points) {
@@ -113,13 +128,7 @@ double u_statistics(const F& f, int comb, Stream& order, Stream& points) {
 /// with parameter r, the base averaged over all combs of 2^base points.
 template <class F, class G>
 double telescoping_comb(const F& f, const G& g, int base, double r, Stream& order, Stream& points) {
-  int level = base + 1;
-  double mass = r;
-  double tail = 1 - r;
-  for (const double u = order.uniform(); u <= tail && level < 62; ++level) {
-    mass *= 1 - r;
-    tail *= 1 - r;
-  }
+  const auto [level, mass] = geometric_level(base + 1, r, order);
   const int n = 1 << level;
   const int groups = 1 << (level - base);
   const double u = points_of_level(order, points, level).uniform();

@@ -50,13 +50,7 @@ double plain_series(const X& x, double a, double s, Stream& order, Stream& point
 /// Doubling of 1 / max(mean, scale 2^-(level + 1)), geometric law with parameter r.
 template <class X>
 double plain_clamped(const X& x, double scale, double r, Stream& order, Stream& points) {
-  int level = 1;
-  double mass = r;
-  double tail = 1 - r;
-  for (const double u = order.uniform(); u <= tail && level < 62; ++level) {
-    mass *= 1 - r;
-    tail *= 1 - r;
-  }
+  const auto [level, mass] = plain::geometric_level(1, r, order);
   const int n = 1 << level;
   const double floor = scale / (2.0 * n);  // of the level; twice that one level below
   Stream draws = plain::points_of_level(order, points, level);
