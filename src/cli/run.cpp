@@ -20,6 +20,12 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
         special->reason.empty() ? special->description : special->description + "; " + special->reason;
     return v;
   }
+  if (std::isnan(problem.rates.variance)) {  // nothing is declared
+    Verdict v;
+    v.finite_variance = true;
+    v.finite_work = true;
+    return v;
+  }
   if (choice.method != catalog::Method::truncated) {
     return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
   }
