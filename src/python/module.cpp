@@ -102,7 +102,7 @@ auto translated(const F& f) {
     try {
       std::rethrow_if_nested(e);
     } catch (py::error_already_set& inner) {
-      add_note(inner, "debias: in the chunk of " + where);
+      add_note(inner, "debias: in the block that begins with " + where);
       throw;
     } catch (const std::logic_error& inner) {
       throw py::value_error(where + ": " + in_python(inner.what()));

@@ -8,6 +8,7 @@
 // the same bits for any number of threads, and results over neighbouring ranges merge into the bits of the
 // whole (Chan, Golub, LeVeque 1983 for the merge of moments). `trace` draws one sample alone, with its levels.
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -47,6 +48,8 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     if (pilot) rng = split(rng, Branch::pilot);
     return draw_sample(estimator, rng, record);
   };
+  Plan fixed = plan;
+  std::int64_t rehearsed = plan.first;
   const auto rehearse = [&](std::int64_t first, std::int64_t last) {
     if constexpr (Rehearses<E>) {
       estimator.rehearse([&] {
@@ -56,11 +59,15 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     }
   };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    rehearse(first, last);
+    if (pilot) {
+      rehearse(first, last);
+    } else if (first >= rehearsed) {  // some chunks at once
+      rehearsed = std::min(first + 16 * RunState::chunk_size, fixed.first + fixed.samples);
+      rehearse(first, rehearsed);
+    }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   };
   double pilot_seconds = 0;
-  Plan fixed = plan;
   if (plan.goal.asked()) {
     pilot = true;
     fixed = detail::plan_for_goal(plan, body, pilot_seconds);

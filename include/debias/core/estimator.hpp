@@ -78,7 +78,7 @@ using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::dec
                                               std::declval<NullRecord&>())
                                       .value);
 
-/// An estimator that sees the draws of a chunk once before they count: `rehearse(draws)` calls draws(), or does not;
+/// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
 /// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
 /// its questions in the first pass and has the answers at hand in the second. Such a run takes one thread.
 template <class E>

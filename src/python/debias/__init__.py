@@ -434,7 +434,7 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     rates        (beta, gamma): E D_k^2 falls like 2^(-beta k), work grows like 2^(gamma k); k^-beta and k^gamma if
                  `polynomial`. Without rates a pilot chooses the law.
 
-    The function is called once for each level and chunk of 4096 samples, on the thread that called `estimate`.
+    The function is called once for each level and block of 65536 samples, on the thread that called `estimate`.
     """
     if not callable(differences):
         raise TypeError(f"differences: {type(differences).__name__} (must be a function of (level, uniforms))")
