@@ -4,11 +4,14 @@
         /usr/bin/python3 tests/python/debias_test.py
 """
 
+import contextlib
 import gc
+import io
 import json
 import math
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +20,7 @@ import time
 import unittest
 import warnings
 import weakref
+from pathlib import Path
 
 import numpy as np
 
@@ -139,6 +143,14 @@ class SameBits(unittest.TestCase):
             np.testing.assert_array_equal(values[-10:], part)
         replayed = debias.replay("A10", int(result.largest["index"][0]), seed=4, law=LAW)["value"]
         self.assertEqual(debias.samples("A10", 1, seed=4, first=int(result.largest["index"][0]), law=LAW)[0], replayed)
+
+    def test_readme(self):
+        readme = (Path(__file__).parents[2] / "README.md").read_text()
+        code = re.search(r"```python\n(.*?)```", readme, re.DOTALL).group(1)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(code, {})
+        shown = re.search(r"^mean +([0-9.]+)\(", readme, re.MULTILINE).group(1)  # by the program of C++
+        self.assertEqual(f"{float(printed.getvalue().splitlines()[-1]):.5f}", shown)
 
     def test_normal_quantile(self):
         u = np.array([1e-300, 0.025, 0.5, 0.975])

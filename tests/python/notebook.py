@@ -21,9 +21,16 @@ def run(path, write):
     NotebookClient(notebook, timeout=120, kernel_name="python3", record_timing=False,
                    resources={"metadata": {"path": str(path.parent)}}).execute()
     for cell in notebook.cells:
+        joined = []
         for output in cell.get("outputs", []):
             if output.get("name") == "stderr":
                 raise SystemExit(f"{path}: a cell wrote to stderr: {output['text']}")
+            if joined and output.output_type == joined[-1].output_type == "stream":
+                joined[-1].text += output.text  # in how many pieces it arrives is a matter of time
+            else:
+                joined.append(output)
+        if "outputs" in cell:
+            cell.outputs = joined
     size = len(nbformat.writes(notebook))
     print(f"{path.name}: {time.perf_counter() - start:.1f} s, {size / 1000:.0f} kB")
     if size > 500_000:
