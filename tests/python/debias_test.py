@@ -255,6 +255,37 @@ class OwnProblems(unittest.TestCase):
             debias.survey(alone)
 
 
+class Plots(unittest.TestCase):
+    def test_each_takes_and_returns_axes(self):
+        try:
+            import matplotlib
+        except ImportError:
+            self.skipTest("no matplotlib")
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+
+        import debias.plot as plot
+
+        values = debias.samples("A10", 3000)
+        runs = {"a": [debias.estimate("A10", samples=n) for n in (1000, 4000)], "b": [(1, 0.1), (2, 0.07)]}
+        image = np.ones((4, 5))
+        _, axes = plt.subplots(2, 3)
+        for ax, draw in zip(axes.flat, (
+                lambda ax: plot.running_mean(values, truth=1, ax=ax),
+                lambda ax: plot.running_mean(debias.diagnose(values), ax=ax),
+                lambda ax: plot.tradeoff(debias.tradeoff("A10", points=3, samples=2000), ax=ax),
+                lambda ax: plot.speed_against_error(runs, ax=ax),
+                lambda ax: plot.tail(values, ax=ax),
+                lambda ax: plot.error_map(image + 0.1, image, standard_error=0 * image, ax=ax))):
+            self.assertIs(draw(ax), ax)
+            self.assertTrue(ax.get_xlabel() and ax.get_ylabel())
+        for problem in ("D03", "A10"):  # polynomial and geometric
+            self.assertEqual(plot.survey(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
+        plot.tail(np.ones(100))  # no tail at all
+        plt.gcf().canvas.draw()
+        plt.close("all")
+
+
 class BadInput(unittest.TestCase):
     def raises(self, kind, pattern, f, *arguments, **options):
         with self.subTest(pattern), self.assertRaisesRegex(kind, pattern):
@@ -313,6 +344,11 @@ class BadInput(unittest.TestCase):
         self.raises(TypeError, "integrand: int", mean, 3)
         self.raises(TypeError, "differences: str", run, "f")
         self.raises(ValueError, "points", debias.function_of_integral, square, "log", points="combs")
+        self.raises(TypeError, "interval: 3", debias.function_of_integral, square, "log", interval=3)
+        unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
+        self.raises(ValueError, "law: none", debias.samples, unrated, 10)
+        self.raises(ValueError, "law: none", debias.estimate, unrated, estimator="independent_sum")
+        self.raises(AttributeError, "multilevel", lambda: debias.estimate(SCALAR, estimator="multilevel", error=0.1).largest)
         self.raises(ValueError, "does not apply", debias.estimate, SCALAR, estimator="roulette")
 
     def test_exceptions_are_the_users_own_and_nothing_leaks(self):

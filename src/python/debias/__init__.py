@@ -126,14 +126,17 @@ class Result(Report):
     @property
     def confidence_interval(self) -> Interval:
         """Of the confidence that was asked for; of normal theory, so see `verdict`."""
-        if "interval" not in self._data:
-            raise AttributeError("confidence_interval (multilevel has a bias, see ['bias'])")
-        interval = self._data["interval"]
+        interval = self._known("interval")
         return Interval(self._components("low", interval["low"]), self._components("high", interval["high"]))
+
+    def _known(self, key: str) -> Any:
+        if key not in self._data:
+            raise AttributeError(f"{key} (a result of multilevel has none; it has a 'bias')")
+        return self._data[key]
 
     @property
     def samples(self) -> int:
-        return self._data["samples"]
+        return self._known("samples")
 
     @property
     def seed(self) -> int:
@@ -150,7 +153,7 @@ class Result(Report):
     @property
     def efficiency(self) -> float:
         """1 / (variance x seconds per sample)."""
-        return _number(self._data["efficiency"])
+        return _number(self._known("efficiency"))
 
     @property
     def verdict(self) -> str:
@@ -166,11 +169,11 @@ class Result(Report):
     @property
     def largest(self) -> np.ndarray:
         """The largest samples by magnitude: index (for `replay`), level, value."""
-        return _table(self._data["largest"])
+        return _table(self._known("largest"))
 
     @property
     def warnings(self) -> list:
-        return list(self._data["warnings"])
+        return list(self._data.get("warnings", []))
 
 
 class Diagnosis(Report):
@@ -252,11 +255,15 @@ def _problem(problem: Any) -> Any:
                     "see debias.levels and debias.function_of_mean)")
 
 
-def _law(problem: Any, law: Optional[str], estimator: Optional[str]) -> Optional[str]:
-    """Without declared rates a pilot has to choose the law."""
-    if law is None and isinstance(problem, Problem) and not problem.declares_rates:
-        return None if estimator in ("truncated", "multilevel") else "auto"
-    return law
+def _law(problem: Any, law: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
+    """Without declared rates a pilot has to choose the law, where there is one."""
+    needs = law is None and estimator not in ("truncated", "multilevel")
+    if not needs or not isinstance(problem, Problem) or problem.declares_rates:
+        return law
+    if pilot and estimator in (None, "single_term", "single_term_drawn"):
+        return "auto"
+    raise ValueError(f"law: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['law'] of an "
+                     "estimate")
 
 
 class _Bar:
@@ -307,7 +314,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     """
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
-                   law=_law(_problem(problem), law, estimator), base_level=base_level, block=block, error=error,
+                   law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block, error=error,
                    relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, words, bar))
@@ -339,17 +346,19 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: in
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    words = _words(seed=seed, estimator=estimator, law=law, base_level=base_level, block=block)
+    words = _words(seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                   base_level=base_level, block=block)
     with _Bar(progress) as bar:
-        values = _debias.samples(_problem(problem), words, int(n), int(first), bar)
+        values = _debias.samples(problem, words, int(n), int(first), bar)
     return values.reshape(n, -1) if values.size != n else values
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Number, estimator: Optional[str] = None,
            law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
     """One sample of a run again, with every level that it touched."""
-    words = _words(sample=sample, seed=seed, estimator=estimator, law=law, base_level=base_level, block=block)
-    return Report(*_debias.replay(_problem(problem), words, None))
+    words = _words(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                   base_level=base_level, block=block)
+    return Report(*_debias.replay(problem, words, None))
 
 
 def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Number = 1,
@@ -481,7 +490,10 @@ def function_of_integral(integrand: Callable[[np.ndarray], Any], g: str, *, inte
     points="comb" takes equidistant ones with one random offset, "jittered" one in each part, for integrands that do
     not continue periodically.
     """
-    low, high = interval
+    try:
+        low, high = interval
+    except (TypeError, ValueError):
+        raise TypeError(f"interval: {interval!r} (must be (from, to))") from None
     return _mean(integrand, g, points, 1, float(low), float(high),
                  _facts(name, formula, truth, rates, False, lowest_base))
 
