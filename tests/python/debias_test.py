@@ -88,7 +88,8 @@ class SameBits(unittest.TestCase):
                 self.same_json(result.to_dict(), json.loads(program("run", name, *words, "--json")))
 
                 def steady(text):  # without times
-                    return [line for line in text.splitlines() if not line.startswith(("seconds", "efficiency", "pilot"))]
+                    times = ("seconds", "efficiency", "pilot")
+                    return [line for line in text.splitlines() if not line.startswith(times)]
 
                 self.assertEqual(steady(str(result)), steady(program("run", name, *words)))
 
@@ -348,7 +349,8 @@ class BadInput(unittest.TestCase):
         unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
         self.raises(ValueError, "law: none", debias.samples, unrated, 10)
         self.raises(ValueError, "law: none", debias.estimate, unrated, estimator="independent_sum")
-        self.raises(AttributeError, "multilevel", lambda: debias.estimate(SCALAR, estimator="multilevel", error=0.1).largest)
+        multilevel = debias.estimate(SCALAR, estimator="multilevel", error=0.1)
+        self.raises(AttributeError, "multilevel", lambda: multilevel.largest)
         self.raises(ValueError, "does not apply", debias.estimate, SCALAR, estimator="roulette")
 
     def test_exceptions_are_the_users_own_and_nothing_leaks(self):

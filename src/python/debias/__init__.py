@@ -28,7 +28,8 @@ stream_version: int = _debias.stream_version
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
     "Problem", "Report", "Result", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
-    "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey", "tradeoff",
+    "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey",
+    "tradeoff",
 ]
 
 Problem = _debias.UserProblem
@@ -262,8 +263,8 @@ def _law(problem: Any, law: Optional[str], estimator: Optional[str], pilot: bool
         return law
     if pilot and estimator in (None, "single_term", "single_term_drawn"):
         return "auto"
-    raise ValueError(f"law: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['law'] of an "
-                     "estimate")
+    raise ValueError(f"law: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['law'] of "
+                     "an estimate")
 
 
 class _Bar:
@@ -314,8 +315,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     """
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
-                   law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block, error=error,
-                   relative_error=relative_error, time=time, confidence=confidence)
+                   law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
+                   error=error, relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, words, bar))
     _warn(result)
@@ -474,8 +475,8 @@ def function_of_mean(integrand: Callable[[np.ndarray], Any], g: str, *, dimensio
                      name: str = "function of a mean", formula: str = "") -> Problem:
     """g(E integrand(x)), x uniform in the unit cube: integrand(x) sees an array (n, dimension) and returns (n,).
 
-    g is one of exp, exp-minus, reciprocal, square, log, sqrt, power:a, davis:c, logistic, absolute, positive-part. Level
-    k averages 2^k draws. Where g has a pole that a mean of a few draws can come near, raise `lowest_base`.
+    g is one of exp, exp-minus, reciprocal, square, log, sqrt, power:a, davis:c, logistic, absolute, positive-part.
+    Level k averages 2^k draws. Where g has a pole that a mean of a few draws can come near, raise `lowest_base`.
     """
     return _mean(integrand, g, "independent", _whole("dimension", dimension, 1), 0.0, 1.0,
                  _facts(name, formula, truth, rates, False, lowest_base))

@@ -215,7 +215,9 @@ def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
             continue
         share = np.arange(1, len(size) + 1) / len(array)
         index = verdict[f"{name}_tail"] if verdict else {"k": None}
-        label = f"{name} tail" if index["k"] is None else f"{name} tail, $\\hat k$ = {index['k']:.2f} ± {index['error']:.2f}"
+        label = f"{name} tail"
+        if index["k"] is not None:
+            label += f", $\\hat k$ = {index['k']:.2f} ± {index['error']:.2f}"
         thinned = np.unique(np.geomspace(1, len(size), 120).astype(int)) - 1
         ax.plot(size[thinned], share[thinned], marker, color=colour, markersize=4, label=label)
         if index["k"] is not None and index["k"] > 0.25:  # below it the values are not yet on a power law
