@@ -405,6 +405,9 @@ class BadInput(unittest.TestCase):
 
 
 class Interrupts(unittest.TestCase):
+    def setUp(self):
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
+
     def seconds_to_interrupt(self, f):
         timer = threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT))
         timer.start()
@@ -427,6 +430,7 @@ class Interrupts(unittest.TestCase):
     def test_deep_in_a_level(self):
         # A level of 2^40 draws takes hours and looks at nothing: the thread is left behind, and the program ends.
         script = ("import debias, os, signal, threading, time\n"
+                  "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
                   "threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
                   "start = time.perf_counter()\n"
                   "try: debias.estimate('A10', estimator='truncated', base_level=40, samples=100)\n"
