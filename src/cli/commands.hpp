@@ -3,12 +3,16 @@
 // The commands of the program; each returns its exit code. What they throw is turned into one in main.cpp.
 
 #include <cstdint>
+#include <functional>
+#include <iosfwd>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <debias/core/estimate.hpp>
 #include <debias/diagnostics.hpp>
+#include <debias/multilevel.hpp>
 #include <debias/recipe.hpp>
 #include <debias/survey.hpp>
 
@@ -26,6 +30,11 @@ int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
 int diagnose(const Arguments& arguments);
 
+// What a command finds out, for whoever wants to know: the program prints it, Python keeps it.
+
+/// Sees what is being done and how much of how much (0: unknown); false ends it.
+using Watch = std::function<bool(std::string_view what, double done, double total)>;
+
 /// All that `run` has to say.
 struct Run {
   const catalog::Problem* problem;
@@ -35,6 +44,18 @@ struct Run {
   Interval interval;
   Verdict verdict;
   double z;
+};
+
+/// All that `run --estimator multilevel` has to say.
+struct MultilevelRun {
+  const catalog::Problem* problem;
+  MultilevelStatistics statistics;
+};
+
+/// All that a recipe has to say.
+struct AdviceOn {
+  const catalog::Problem* problem;
+  Advice advice;
 };
 
 /// All that `replay` has to say.
@@ -94,6 +115,7 @@ struct BadRow {
 struct Diagnosis {
   std::string file;
   std::string column;  ///< its name in the header, if there is one
+  std::string unit = "row";  ///< what the values are counted by
   Moments moments;
   Interval interval;
   std::vector<double> block_means;
@@ -112,6 +134,22 @@ struct Diagnosis {
   std::vector<std::string> warnings;
 };
 
+Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+Replay replay_of(const catalog::Problem& problem, const Arguments& arguments);
+SurveyOf survey_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+/// What is complete, where `watch` ends it.
+Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+
+void print(std::ostream& out, const Run& run);
+void print(std::ostream& out, const MultilevelRun& run);
+void print(std::ostream& out, const AdviceOn& advice);
+void print(std::ostream& out, const Replay& replay);
+void print(std::ostream& out, const SurveyOf& survey);
+void print(std::ostream& out, const Tradeoff& tradeoff);
+void print(std::ostream& out, const Diagnosis& diagnosis);
+
 /// The share of a value in the sum of squares about the mean.
 double square_share(const Diagnosis& diagnosis, double value);
 
@@ -122,6 +160,9 @@ struct Counts {
   std::int64_t underpowered = 0;
 };
 Counts count(const catalog::Report& report);
+
+/// "A10 square-of-mean: formula"; a problem of the user's own has no id, and may have no formula.
+std::string title(const catalog::Problem& problem);
 
 /// The law as the command line spells it; empty for an estimator without one.
 std::string law_text(const catalog::Choice& choice);

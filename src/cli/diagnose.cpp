@@ -25,6 +25,7 @@
 
 #include "../core/text.hpp"
 #include "commands.hpp"
+#include "diagnose.hpp"
 #include "json.hpp"
 #include "output.hpp"
 
@@ -67,58 +68,6 @@ class Source {
 
   std::string name_;
   int file_ = STDIN_FILENO;
-};
-
-/// Everything that is remembered of the values, in blocks.
-class Sums {
- public:
-  /// `row` numbers the rows of the file from 1.
-  void add(double x, std::int64_t row) {
-    if (filled_ == block_.size() || row != first_row_ + static_cast<std::int64_t>(filled_)) flush();
-    if (filled_ == 0) first_row_ = row;
-    block_[filled_++] = x;
-    blocks_.add(x);
-  }
-  void finish(Diagnosis& d) {
-    flush();
-    d.moments = moments_;
-    d.running = std::move(running_);
-    const bool at_the_end = !d.running.empty() && d.running.back().count == moments_.count;
-    if (!at_the_end && moments_.count > 0) d.running.push_back(moments_);
-    d.upper_tail = extremes_.upper_tail();
-    d.lower_tail = extremes_.lower_tail();
-    d.largest = extremes_.largest();
-    d.nonfinite = extremes_.nonfinite();
-    d.first_nonfinite = extremes_.first_nonfinite();
-    d.block_means = blocks_.means();
-    d.block_length = blocks_.length();
-  }
-
- private:
-  void flush() {
-    std::span<const double> values = std::span(block_).first(filled_);
-    extremes_.add(values, std::span(no_levels_).first(filled_), first_row_);
-    while (!values.empty()) {  // stop at each doubling
-      const auto room = static_cast<std::size_t>(next_ - moments_.count);
-      const auto part = values.first(std::min(values.size(), room));
-      moments_.merge(Moments::of(part));
-      values = values.subspan(part.size());
-      if (moments_.count < next_) continue;
-      running_.push_back(moments_);
-      next_ *= 2;
-    }
-    filled_ = 0;
-  }
-
-  std::array<double, 256> block_;
-  std::array<std::int64_t, 256> no_levels_{};
-  std::size_t filled_ = 0;
-  std::int64_t first_row_ = 0;
-  std::int64_t next_ = 2;
-  Moments moments_;
-  std::vector<Moments> running_;
-  Extremes extremes_;
-  BlockMeans blocks_;
 };
 
 void add_bad_row(Diagnosis& d, std::int64_t row, const std::string& reason) {
@@ -331,12 +280,32 @@ std::string text_of(const TailIndex& tail) {
          figure(tail.hill) + ", moment " + figure(tail.moment) + ", Pickands " + figure(tail.pickands) + ")";
 }
 
-void print(std::ostream& out, const Diagnosis& d, const std::string& unit) {
+// Neighbours that resemble each other make the means of blocks scatter more than single values say.
+void judge_blocks(Diagnosis& d) {
+  constexpr double limit = 1.5;
+  constexpr std::size_t fewest_blocks = 32;
+  if (d.block_means.size() < 2) return;
+  d.block_interval = batch_interval(d.block_means);
+  if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
+  const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
+  if (ratio < limit) return;
+  d.warnings.push_back(
+      "the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " + rounded(limit) +
+      "): values depend on their neighbours, so the standard error is too small; take the blocks.");
+}
+
+}  // namespace
+
+double square_share(const Diagnosis& d, double value) {
+  return (value - d.moments.mean) * (value - d.moments.mean) / d.moments.m2;
+}
+
+void print(std::ostream& out, const Diagnosis& d) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Moments& m = d.moments;
   print_line(out, "file", d.file + (d.column.empty() ? "" : ", column " + d.column));
   print_line(out, "values", std::to_string(m.count));
-  const auto at = [&unit](std::int64_t row) { return unit + " " + std::to_string(row); };
+  const auto at = [&d](std::int64_t row) { return d.unit + " " + std::to_string(row); };
   if (d.bad_rows > 0)
     print_line(out, "bad rows", std::to_string(d.bad_rows) + ", left out of everything below");
   for (const BadRow& bad : d.first_bad_rows) print_line(out, "", at(bad.row) + ": " + bad.reason);
@@ -403,24 +372,13 @@ void print(std::ostream& out, const Diagnosis& d, const std::string& unit) {
   for (const std::string& warning : d.warnings) print_line(out, "warning", warning);
 }
 
-// Neighbours that resemble each other make the means of blocks scatter more than single values say.
-void judge_blocks(Diagnosis& d) {
-  constexpr double limit = 1.5;
-  constexpr std::size_t fewest_blocks = 32;
-  if (d.block_means.size() < 2) return;
-  d.block_interval = batch_interval(d.block_means);
-  if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
-  const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
-  if (ratio < limit) return;
-  d.warnings.push_back(
-      "the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " + rounded(limit) +
-      "): values depend on their neighbours, so the standard error is too small; take the blocks.");
-}
-
-}  // namespace
-
-double square_share(const Diagnosis& d, double value) {
-  return (value - d.moments.mean) * (value - d.moments.mean) / d.moments.m2;
+void conclude(Diagnosis& d) {
+  if (d.nonfinite > 0 || d.moments.count < 2) return;
+  d.interval = interval_of(d.moments);
+  d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
+  if (d.moments.m2 > 0) judge_blocks(d);
+  const auto values = std::span<const double>(d.block_means);
+  if (values.size() >= 24) d.robust = median_of_means(values);
 }
 
 int diagnose(const Arguments& arguments) {
@@ -437,35 +395,29 @@ int diagnose(const Arguments& arguments) {
   Output out(arguments.output);
   Diagnosis d = is_text ? read_text(source, arguments) : read_doubles(source);
   d.file = arguments.file == "-" ? source.name() : arguments.file;
-  const std::string unit = is_text ? "row" : "value";
+  if (!is_text) d.unit = "value";
   if (d.moments.count == 0) {
     std::string why = source.name() + ": no value";
     if (d.bad_rows > 0) {
-      why += ", " + std::to_string(d.bad_rows) + " bad rows; " + unit + " " +
+      why += ", " + std::to_string(d.bad_rows) + " bad rows; " + d.unit + " " +
              std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason;
     }
     throw FileError(why);
   }
-  if (d.nonfinite == 0 && d.moments.count > 1) {
-    d.interval = interval_of(d.moments);
-    d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
-    if (d.moments.m2 > 0) judge_blocks(d);
-    const auto values = std::span<const double>(d.block_means);
-    if (values.size() >= 24) d.robust = median_of_means(values);
-  }
+  conclude(d);
   if (arguments.json) {
     out.stream() << diagnose_json(d) << '\n';
   } else {
-    print(out.stream(), d, unit);
+    print(out.stream(), d);
   }
   out.flush();
   if (d.bad_rows > 0) {
-    complain(source.name() + ": " + std::to_string(d.bad_rows) + " bad rows, the first is " + unit + " " +
+    complain(source.name() + ": " + std::to_string(d.bad_rows) + " bad rows, the first is " + d.unit + " " +
              std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason);
   }
   if (d.nonfinite > 0) {
     complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " +
-             unit + " " + std::to_string(d.first_nonfinite));
+             d.unit + " " + std::to_string(d.first_nonfinite));
     return nonfinite_samples;
   }
   return d.bad_rows > 0 ? file_error : done;

@@ -18,6 +18,9 @@ Json law_json(const catalog::Choice& choice) {
   return law.empty() ? Json(nullptr) : Json(law);
 }
 
+// The user's own problem has none.
+Json id_json(const catalog::Problem& problem) { return problem.id.empty() ? Json(nullptr) : Json(problem.id); }
+
 // What a reader of null numbers wants to know.
 std::string_view status_of(const Statistics& s) {
   if (s.nonfinite > 0) return "nonfinite";
@@ -27,7 +30,7 @@ std::string_view status_of(const Statistics& s) {
 
 Json chosen(const catalog::Problem& problem, const catalog::Choice& choice) {
   return {{"problem", problem.name},
-          {"id", problem.id},
+          {"id", id_json(problem)},
           {"estimator", catalog::name_of(choice)},
           {"law", law_json(choice)},
           {"base_level", choice.base_level},
@@ -48,7 +51,8 @@ Json level_json(const LevelRow& row) {
           {"mean", number(row.mean)},
           {"second_moment", number(row.second_moment)},
           {"fourth_moment", number(row.fourth_moment)},
-          {"work", number(row.work)}};
+          {"work", number(row.work)},
+          {"probability", row.probability > 0 ? Json(row.probability) : Json(nullptr)}};
 }
 
 Json rate_json(const FittedRate& r) { return {{"value", number(r.value)}, {"error", number(r.error)}}; }
@@ -185,13 +189,23 @@ std::string run_json(const Run& run) {
   json["mean"] = number(c.mean);
   json["standard_error"] = number(c.standard_error);
   json["interval"] = interval_json(run.interval);
+  if (s.components.size() > 1) {
+    json["components"] = Json::array();
+    for (std::size_t i = 0; i < s.components.size(); ++i) {
+      const Interval interval = s.interval(run.interval.confidence, i);
+      json["components"].push_back({{"mean", number(s.components[i].mean)},
+                                    {"standard_error", number(s.components[i].standard_error)},
+                                    {"low", number(interval.low)},
+                                    {"high", number(interval.high)}});
+    }
+  }
   json["bias_bound"] = {{"size", number(s.bias_bound.size)}, {"sentence", s.bias_bound.sentence}};
   json["samples"] = s.samples;
   json["work"] = number(s.work);
   json["seconds"] = s.seconds;
   json["efficiency"] = number(s.efficiency());
   json["seed"] = s.seed;
-  json["truth"] = run.problem->truth;
+  json["truth"] = number(run.problem->truth);
   json["z"] = number(run.z);
   json["verdict"] = {{"finite_variance", run.verdict.finite_variance},
                      {"finite_work", run.verdict.finite_work},
@@ -236,9 +250,10 @@ std::string replay_json(const Replay& replay) {
   return pretty(json);
 }
 
-std::string multilevel_json(const catalog::Problem& problem, const MultilevelStatistics& s) {
-  Json json = {{"problem", problem.name},
-               {"id", problem.id},
+std::string multilevel_json(const MultilevelRun& run) {
+  const MultilevelStatistics& s = run.statistics;
+  Json json = {{"problem", run.problem->name},
+               {"id", id_json(*run.problem)},
                {"estimator", "multilevel"},
                {"mean", number(s.components.front().mean)},
                {"standard_error", number(s.components.front().standard_error)},
@@ -249,7 +264,7 @@ std::string multilevel_json(const catalog::Problem& problem, const MultilevelSta
                {"work", number(s.work)},
                {"seconds", s.seconds},
                {"seed", s.seed},
-               {"truth", problem.truth}};
+               {"truth", number(run.problem->truth)}};
   json["levels"] = Json::array();
   for (const MultilevelRow& r : s.rows) {
     json["levels"].push_back({{"level", r.level},
@@ -262,9 +277,23 @@ std::string multilevel_json(const catalog::Problem& problem, const MultilevelSta
   return pretty(json);
 }
 
+std::string advice_json(const AdviceOn& on) {
+  const Advice& a = on.advice;
+  Json json = {{"problem", on.problem->name},
+               {"id", id_json(*on.problem)},
+               {"seed", a.survey.seed},
+               {"law", a.law.spec()},
+               {"base_level", a.base_level},
+               {"base", a.base == Base::drawn ? "drawn" : "always"},
+               {"block", a.block}};
+  json.update(advice_json(a));
+  add_versions(json);
+  return pretty(json);
+}
+
 std::string tradeoff_json(const Tradeoff& t) {
   Json json = {{"problem", t.problem->name},
-               {"id", t.problem->id},
+               {"id", id_json(*t.problem)},
                {"samples", t.samples},
                {"seed", t.survey.seed},
                {"base_level", t.setup.base_level},
@@ -299,7 +328,7 @@ std::string tradeoff_json(const Tradeoff& t) {
 std::string survey_json(const SurveyOf& s) {
   const Survey& survey = s.survey;
   Json json = {
-      {"problem", s.problem->name}, {"id", s.problem->id}, {"samples", s.samples}, {"seed", survey.seed}};
+      {"problem", s.problem->name}, {"id", id_json(*s.problem)}, {"samples", s.samples}, {"seed", survey.seed}};
   json["rates"] = rates_json(survey.rates);
   json["law_exists"] = name_of(survey.law_exists);
   json["remarks"] = survey.remarks;

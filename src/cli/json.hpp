@@ -5,8 +5,6 @@
 
 #include <string>
 
-#include <debias/multilevel.hpp>
-
 #include "commands.hpp"
 
 namespace debias::cli {
@@ -19,7 +17,8 @@ std::string estimators_json();
 std::string laws_json();
 std::string run_json(const Run& run);
 std::string replay_json(const Replay& replay);
-std::string multilevel_json(const catalog::Problem& problem, const MultilevelStatistics& statistics);
+std::string multilevel_json(const MultilevelRun& run);
+std::string advice_json(const AdviceOn& advice);
 std::string tradeoff_json(const Tradeoff& tradeoff);
 std::string survey_json(const SurveyOf& survey);
 std::string diagnose_json(const Diagnosis& diagnosis);

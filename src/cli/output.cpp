@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <iostream>
+#include <utility>
 
 namespace debias::cli {
 namespace {
@@ -43,13 +44,17 @@ std::string reason() { return errno != 0 ? std::strerror(errno) : "cannot be wri
 Output::Output(const std::string& path) : path_(path) {
   if (path.empty()) return;
   errno = 0;
-  file_.open(path, std::ios::binary | std::ios::trunc);
+  file_.open(path, std::ios::binary | std::ios::app);
   if (!file_) throw FileError("-o '" + path + "': " + reason());
 }
 
 void Output::flush() {
   std::ostream& target = is_file() ? file_ : std::cout;
   errno = 0;
+  if (is_file() && !std::exchange(emptied_, true)) {
+    file_.close();
+    file_.open(path_, std::ios::binary | std::ios::trunc);
+  }
   if (!(target << text_.str() << std::flush)) {
     throw FileError((is_file() ? "-o '" + path_ + "'" : "standard output") + ": " + reason());
   }
@@ -79,6 +84,17 @@ double Progress::seconds() const { return std::chrono::duration<double>(Clock::n
 std::string share_of(double done, double total, double seconds) {
   const double left = seconds * (total - done) / done;
   return rounded(std::floor(100 * done / total)) + " %, " + rounded(std::ceil(left), 6) + " s left";
+}
+
+std::function<bool(std::string_view, double, double)> watch_on(Progress& progress) {
+  return [&progress](std::string_view what, double done, double total) {
+    if (progress.due()) {
+      progress.show(std::string(what) + ", " + rounded(done) +
+                    (total > 0 ? " of " + rounded(total) + " samples, " + share_of(done, total, progress.seconds())
+                               : " draws"));
+    }
+    return !interrupted();
+  };
 }
 
 void watch_signals() {

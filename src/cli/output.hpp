@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstddef>
 #include <fstream>
+#include <functional>
 #include <iosfwd>
 #include <sstream>
 #include <stdexcept>
@@ -33,7 +34,8 @@ struct FileError : std::runtime_error {
 /// Standard output, or a file.
 class Output {
  public:
-  /// Opens the file at once, before the hours of a run; an empty path is standard output. Throws FileError.
+  /// Opens the file at once, before the hours of a run, and empties it when there is a result; an empty path is
+  /// standard output. Throws FileError.
   explicit Output(const std::string& path = "");
 
   std::ostream& stream() { return text_; }
@@ -44,6 +46,7 @@ class Output {
  private:
   std::string path_;
   std::ofstream file_;
+  bool emptied_ = false;
   std::ostringstream text_;
 };
 
@@ -71,6 +74,8 @@ class Progress {
 
 /// "62 %, 12 s left".
 std::string share_of(double done, double total, double seconds);
+/// A Watch (commands.hpp) that shows each step, and ends where a signal came.
+std::function<bool(std::string_view what, double done, double total)> watch_on(Progress& progress);
 
 /// From here on SIGINT and SIGTERM set a flag and end the program within a second, a second one ends it at
 /// once; a closed pipe is an error of the write.

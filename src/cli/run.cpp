@@ -1,9 +1,8 @@
+#include <cmath>
 #include <ostream>
 #include <stdexcept>
 #include <string>
 #include <utility>
-
-#include <debias/multilevel.hpp>
 
 #include "commands.hpp"
 #include "json.hpp"
@@ -21,6 +20,12 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
         special->reason.empty() ? special->description : special->description + "; " + special->reason;
     return v;
   }
+  if (std::isnan(problem.rates.variance)) {  // nothing is declared
+    Verdict v;
+    v.finite_variance = true;
+    v.finite_work = true;
+    return v;
+  }
   if (choice.method != catalog::Method::truncated) {
     return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
   }
@@ -31,11 +36,35 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
   return v;
 }
 
-std::string title(const catalog::Problem& problem) { return problem.id + " " + problem.name; }
+int run_multilevel(const Arguments& arguments, const catalog::Problem& problem) {
+  Output out(arguments.output);
+  Progress progress(arguments.quiet);
+  const MultilevelRun result = multilevel_of(problem, arguments, watch_on(progress));
+  progress.erase();
+  if (arguments.json) {
+    out.stream() << multilevel_json(result) << '\n';
+  } else {
+    print(out.stream(), result);
+  }
+  out.flush();
+  if (result.statistics.converged) return done;
+  complain("the goal is missed: the levels are not enough");
+  return goal_missed;
+}
+
+}  // namespace
+
+std::string title(const catalog::Problem& p) {
+  return (p.id.empty() ? "" : p.id + " ") + p.name + (p.formula.empty() ? "" : ": " + p.formula);
+}
+
+std::string law_text(const catalog::Choice& choice) {
+  return choice.method == catalog::Method::truncated || !choice.special.empty() ? "" : choice.law.spec();
+}
 
 void print(std::ostream& out, const Run& run) {
   const Statistics& s = run.statistics;
-  print_line(out, "problem", title(*run.problem) + ": " + run.problem->formula);
+  print_line(out, "problem", title(*run.problem));
   out << s;
   if (run.interval.confidence != 0.95) {
     print_line(out, "interval",
@@ -48,10 +77,13 @@ void print(std::ostream& out, const Run& run) {
                rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " +
                    std::to_string(l.level) + ")");
   }
-  print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
-  print_line(out, "declared", run.verdict.sentence);
+  if (!std::isnan(run.z)) {
+    print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
+  }
+  if (!run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
   if (!run.advice) return;
   out << *run.advice;
+  if (run.problem->id.empty()) return;
   const catalog::Choice& c = run.choice;
   print_line(out, "replay",
              "debias replay " + run.problem->id + " --estimator " + std::string(name_of(c)) + " --law '" +
@@ -60,7 +92,7 @@ void print(std::ostream& out, const Run& run) {
 }
 
 // The biased baseline with a driver of its own: a target error instead of samples.
-int run_multilevel(const Arguments& arguments, const catalog::Problem& problem) {
+MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
   Plan plan = read_plan(arguments);
   if (!(plan.goal.error > 0)) {
     throw std::invalid_argument("--estimator multilevel (takes its draws from --error); write --error 0.01");
@@ -69,39 +101,36 @@ int run_multilevel(const Arguments& arguments, const catalog::Problem& problem) 
     throw std::invalid_argument(
         "--estimator multilevel (has no law, base level or block to choose); leave them out");
   }
-  Output out(arguments.output);
-  Progress progress(arguments.quiet);
   plan.progress = [&](std::int64_t finished) {
-    if (progress.due())
-      progress.show(problem.id + ": " + rounded(static_cast<double>(finished)) + " draws of a level");
-    return !interrupted();
+    return watch(problem.id + ": level by level", static_cast<double>(finished), 0);
   };
-  const MultilevelStatistics s = multilevel(problem.levels, plan.goal.error, plan);
-  progress.erase();
-  const double distance = (s.components.front().mean - problem.truth) / s.goal;
-  if (arguments.json) {
-    out.stream() << multilevel_json(problem, s) << '\n';
-  } else {
-    print_line(out.stream(), "problem", title(problem) + ": " + problem.formula);
-    out.stream() << s;
-    print_line(out.stream(), "truth",
-               rounded(problem.truth, 15) + ", " + rounded(distance, 3) + " goals away");
-  }
-  out.flush();
-  if (s.converged) return done;
-  complain("the goal is missed: the levels are not enough");
-  return goal_missed;
+  return {&problem, multilevel(problem.levels, plan.goal.error, plan)};
 }
 
-}  // namespace
-
-std::string law_text(const catalog::Choice& choice) {
-  return choice.method == catalog::Method::truncated || !choice.special.empty() ? "" : choice.law.spec();
+void print(std::ostream& out, const MultilevelRun& run) {
+  print_line(out, "problem", title(*run.problem));
+  out << run.statistics;
+  const double distance =
+      (run.statistics.components.front().mean - run.problem->truth) / run.statistics.goal;
+  if (std::isnan(distance)) return;
+  print_line(out, "truth",
+             rounded(run.problem->truth, 15) + ", " + rounded(distance, 3) + " goals away");
 }
 
-int run(const Arguments& arguments) {
-  const catalog::Problem& problem = catalog::find(arguments.problem);
-  if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
+AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
+  Plan plan = read_plan(arguments);
+  plan.progress = [&](std::int64_t finished) {
+    return watch(problem.id + ": pilot", static_cast<double>(finished), 0);
+  };
+  return {&problem, advise(problem.levels, plan, read_recipe(arguments, problem))};
+}
+
+void print(std::ostream& out, const AdviceOn& a) {
+  print_line(out, "problem", title(*a.problem));
+  out << a.advice;
+}
+
+Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
   const bool by_recipe = wants_recipe(arguments);
   catalog::Choice choice;
   RecipeOptions options;
@@ -109,24 +138,13 @@ int run(const Arguments& arguments) {
             : void(choice = read_choice(arguments, problem));
   const double confidence = read_confidence(arguments.confidence);
   Plan plan = read_plan(arguments);
-  Output out(arguments.output);
-
-  Progress progress(arguments.quiet);
-  double total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
+  double total = plan.goal.asked() || by_recipe ? 0 : static_cast<double>(plan.samples);
   plan.progress = [&](std::int64_t finished) {
-    const auto count = static_cast<double>(finished);
-    if (progress.due()) {
-      progress.show(problem.id + ": " + rounded(count) +
-                    (total > 0
-                         ? " of " + rounded(total) + " samples, " + share_of(count, total, progress.seconds())
-                         : " samples"));
-    }
-    return !interrupted();
+    return watch(problem.id, static_cast<double>(finished), total);
   };
   std::optional<Advice> advice;
   const Goal goal = plan.goal;
   if (by_recipe) {
-    total = 0;
     advice = advise(problem.levels, plan, options);
     choice = {
         advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
@@ -135,10 +153,8 @@ int run(const Arguments& arguments) {
     total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   }
   const Verdict verdict = verdict_of(problem, choice);
-  if (!verdict.finite_work && !arguments.quiet) complain("warning: " + verdict.sentence);
   Statistics statistics = problem.run(choice, plan);
   if (advice) detail::follow(statistics, *advice, goal);
-  progress.erase();
   if (choice.base_level < problem.lowest_base) {
     statistics.warnings.push_back(
         "the base level lies below " + std::to_string(problem.lowest_base) +
@@ -147,7 +163,17 @@ int run(const Arguments& arguments) {
   const Interval interval = statistics.interval(confidence);
   const double z = (statistics.components.front().mean - problem.truth) /
                    catalog::believed_error(statistics, problem.truth);
-  const Run result{&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
+  return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
+}
+
+int run(const Arguments& arguments) {
+  const catalog::Problem& problem = catalog::find(arguments.problem);
+  if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
+  Output out(arguments.output);
+  Progress progress(arguments.quiet);
+  const Run result = run_of(problem, arguments, watch_on(progress));
+  progress.erase();
+  if (!result.verdict.finite_work && !arguments.quiet) complain("warning: " + result.verdict.sentence);
 
   if (arguments.json) {
     out.stream() << run_json(result) << '\n';
@@ -159,8 +185,8 @@ int run(const Arguments& arguments) {
   if (out.is_file() && !arguments.quiet) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
-    summary.stream() << title(problem) << ": " << with_error(c.mean, c.standard_error)
-                     << ", z = " << rounded(z, 3) << ", " << s.samples << " samples, seed " << s.seed << '\n';
+    summary.stream() << problem.id << ' ' << problem.name << ": " << with_error(c.mean, c.standard_error)
+                     << ", z = " << rounded(result.z, 3) << ", " << s.samples << " samples, seed " << s.seed << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;

@@ -9,26 +9,32 @@
 
 namespace debias::cli {
 
-int survey(const Arguments& arguments) {
-  const catalog::Problem& problem = catalog::find(arguments.problem);
+SurveyOf survey_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
   const std::int64_t levels = read_levels(arguments.levels);
   Plan plan = read_plan(arguments);
+  const double total = static_cast<double>(levels) * static_cast<double>(plan.samples);
+  plan.progress = [&](std::int64_t finished) {
+    return watch(problem.id + ": level " + std::to_string(finished / plan.samples) + " of " +
+                     std::to_string(levels),
+                 static_cast<double>(finished), total);
+  };
+  return {&problem, plan.samples, debias::survey(problem.levels, levels, plan)};
+}
+
+void print(std::ostream& out, const SurveyOf& s) {
+  print_line(out, "problem", title(*s.problem));
+  out << s.survey;
+}
+
+int survey(const Arguments& arguments) {
   Output out(arguments.output);
   Progress progress(arguments.quiet);
-  plan.progress = [&](std::int64_t finished) {
-    if (progress.due()) {
-      progress.show(problem.id + ": level " + std::to_string(finished / plan.samples) + " of " +
-                    std::to_string(levels) + ", " + rounded(static_cast<double>(finished)) + " draws");
-    }
-    return !interrupted();
-  };
-  const SurveyOf result{&problem, plan.samples, debias::survey(problem.levels, levels, plan)};
+  const SurveyOf result = survey_of(catalog::find(arguments.problem), arguments, watch_on(progress));
   progress.erase();
   if (arguments.json) {
     out.stream() << survey_json(result) << '\n';
   } else {
-    print_line(out.stream(), "problem", problem.id + " " + problem.name + ": " + problem.formula);
-    out.stream() << result.survey;
+    print(out.stream(), result);
   }
   out.flush();
   if (!interrupted()) return done;

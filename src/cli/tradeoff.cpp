@@ -94,37 +94,6 @@ std::string regions(const TradeoffPoint& p) {
 
 std::string figure(bool known, double x) { return known ? rounded(x) : "-"; }
 
-void print(std::ostream& out, const Tradeoff& t) {
-  print_line(out, "problem", t.problem->id + " " + t.problem->name + ": " + t.problem->formula);
-  std::vector<Row> rows = {{"law", "exponent", "variance", "measured", "work", "measured", "product",
-                            "measured", "efficiency", "tail index", "moments below", ""}};
-  for (std::size_t i = 0; i < t.points.size(); ++i) {
-    const TradeoffPoint& p = t.points[i];
-    const bool finite_variance = p.verdict.variance != Finiteness::infinite;
-    const bool finite_work = p.verdict.work != Finiteness::infinite;
-    rows.push_back({p.law.spec(), rounded(p.law.tail_exponent().exponent),
-                    figure(finite_variance, p.predicted.variance), figure(p.measured, p.variance),
-                    figure(finite_work, p.predicted.work), figure(p.measured, p.work),
-                    figure(finite_variance && finite_work, p.predicted.product()),
-                    figure(p.measured, p.variance * p.work), figure(p.measured, p.efficiency),
-                    rounded(p.verdict.tail_index, 3),
-                    p.verdict.tail_index > 0 ? rounded(1 / p.verdict.tail_index, 3) : "all",
-                    i == t.best ? "<- best of the family" : regions(p)});
-  }
-  print_table(out, rows);
-  if (t.survey.law_exists == Answer::no) {
-    print_line(out, "optimum", "none: no law has finite variance and finite work");
-  } else {
-    print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
-    print_line(out, "bound", rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
-                                 (t.shares_base ? " with draws that share nothing" : ""));
-  }
-  print_line(out, "base",
-             "level " + std::to_string(t.setup.base_level) +
-                 (t.setup.base == Base::drawn ? ", one outcome of the law" : ", in every sample"));
-  print_line(out, "law exists", name_of(t.survey.law_exists));
-}
-
 void print_csv(std::ostream& out, const Tradeoff& t) {
   out << "law,exponent,predicted_variance,measured_variance,predicted_work,measured_work,efficiency,tail_"
          "index,"
@@ -142,20 +111,14 @@ void print_csv(std::ostream& out, const Tradeoff& t) {
 
 }  // namespace
 
-int tradeoff(const Arguments& arguments) {
-  const catalog::Problem& problem = catalog::find(arguments.problem);
+Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
   const Family& family = family_of(arguments.family);
   const std::int64_t count = read_points(arguments.points);
   const catalog::Choice shape = read_shape(arguments, problem);
   Plan plan = read_plan(arguments);
-  if (arguments.json && arguments.csv) throw std::invalid_argument("--json, --csv: both (keep one)");
-  Output out(arguments.output);
-  Progress progress(arguments.quiet);
   std::string what = "pilot";
   plan.progress = [&](std::int64_t done) {
-    if (progress.due())
-      progress.show(problem.id + ": " + what + ", " + rounded(static_cast<double>(done)) + " draws");
-    return !interrupted();
+    return watch(problem.id + ": " + what, static_cast<double>(done), 0);
   };
 
   Tradeoff t;
@@ -207,6 +170,45 @@ int tradeoff(const Arguments& arguments) {
     best = p.predicted.product();
     t.best = i;
   }
+  return t;
+}
+
+void print(std::ostream& out, const Tradeoff& t) {
+  print_line(out, "problem", title(*t.problem));
+  std::vector<Row> rows = {{"law", "exponent", "variance", "measured", "work", "measured", "product",
+                            "measured", "efficiency", "tail index", "moments below", ""}};
+  for (std::size_t i = 0; i < t.points.size(); ++i) {
+    const TradeoffPoint& p = t.points[i];
+    const bool finite_variance = p.verdict.variance != Finiteness::infinite;
+    const bool finite_work = p.verdict.work != Finiteness::infinite;
+    rows.push_back({p.law.spec(), rounded(p.law.tail_exponent().exponent),
+                    figure(finite_variance, p.predicted.variance), figure(p.measured, p.variance),
+                    figure(finite_work, p.predicted.work), figure(p.measured, p.work),
+                    figure(finite_variance && finite_work, p.predicted.product()),
+                    figure(p.measured, p.variance * p.work), figure(p.measured, p.efficiency),
+                    rounded(p.verdict.tail_index, 3),
+                    p.verdict.tail_index > 0 ? rounded(1 / p.verdict.tail_index, 3) : "all",
+                    i == t.best ? "<- best of the family" : regions(p)});
+  }
+  print_table(out, rows);
+  if (t.survey.law_exists == Answer::no) {
+    print_line(out, "optimum", "none: no law has finite variance and finite work");
+  } else {
+    print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
+    print_line(out, "bound", rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
+                                 (t.shares_base ? " with draws that share nothing" : ""));
+  }
+  print_line(out, "base",
+             "level " + std::to_string(t.setup.base_level) +
+                 (t.setup.base == Base::drawn ? ", one outcome of the law" : ", in every sample"));
+  print_line(out, "law exists", name_of(t.survey.law_exists));
+}
+
+int tradeoff(const Arguments& arguments) {
+  if (arguments.json && arguments.csv) throw std::invalid_argument("--json, --csv: both (keep one)");
+  Output out(arguments.output);
+  Progress progress(arguments.quiet);
+  const Tradeoff t = tradeoff_of(catalog::find(arguments.problem), arguments, watch_on(progress));
   progress.erase();
   if (arguments.json) {
     out.stream() << tradeoff_json(t) << '\n';
@@ -217,7 +219,7 @@ int tradeoff(const Arguments& arguments) {
   }
   out.flush();
   if (!interrupted()) return done;
-  complain("interrupted; " + std::to_string(t.points.size()) + " of " + std::to_string(count) +
+  complain("interrupted; " + std::to_string(t.points.size()) + " of " + arguments.points +
            " points are complete");
   return interrupted_by_signal;
 }

@@ -8,6 +8,7 @@
 // the same bits for any number of threads, and results over neighbouring ranges merge into the bits of the
 // whole (Chan, Golub, LeVeque 1983 for the merge of moments). `trace` draws one sample alone, with its levels.
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -42,15 +43,31 @@ template <Estimator E>
 Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
   using V = estimate_value_t<E>;
   bool pilot = false;
-  const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    for (std::int64_t i = first; i < last; ++i) {
-      Stream rng(plan.seed, static_cast<std::uint64_t>(i));
-      if (pilot) rng = split(rng, Branch::pilot);
-      recorder.add(draw_sample(estimator, rng, recorder));
+  const auto draw = [&](std::int64_t i, auto& record) {
+    Stream rng(plan.seed, static_cast<std::uint64_t>(i));
+    if (pilot) rng = split(rng, Branch::pilot);
+    return draw_sample(estimator, rng, record);
+  };
+  Plan fixed = plan;
+  std::int64_t rehearsed = plan.first;
+  const auto rehearse = [&](std::int64_t first, std::int64_t last) {
+    if constexpr (Rehearses<E>) {
+      estimator.rehearse([&] {
+        NullRecord record;
+        for (std::int64_t i = first; i < last; ++i) draw(i, record);
+      });
     }
   };
+  const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
+    if (pilot) {
+      rehearse(first, last);
+    } else if (first >= rehearsed) {  // some chunks at once
+      rehearsed = std::min(first + 16 * RunState::chunk_size, fixed.first + fixed.samples);
+      rehearse(first, rehearsed);
+    }
+    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+  };
   double pilot_seconds = 0;
-  Plan fixed = plan;
   if (plan.goal.asked()) {
     pilot = true;
     fixed = detail::plan_for_goal(plan, body, pilot_seconds);
@@ -68,9 +85,9 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
-    Stream rng(plan.seed, static_cast<std::uint64_t>(plan.first));
     NullRecord record;
-    return Result<V>(std::move(statistics), draw_sample(estimator, rng, record).value);
+    rehearse(plan.first, plan.first + 1);
+    return Result<V>(std::move(statistics), draw(plan.first, record).value);
   }
 }
 

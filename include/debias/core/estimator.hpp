@@ -11,6 +11,7 @@
 
 #include <concepts>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -76,6 +77,12 @@ template <Estimator E>
 using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::declval<Stream&>(),
                                               std::declval<NullRecord&>())
                                       .value);
+
+/// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
+/// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
+/// its questions in the first pass and has the answers at hand in the second. Such a run takes one thread.
+template <class E>
+concept Rehearses = requires(const E& e, const std::function<void()>& draws) { e.rehearse(draws); };
 
 /// An estimator that knows by which probability it divides the difference of a level.
 template <class E>

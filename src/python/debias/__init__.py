@@ -1,0 +1,560 @@
+"""Unbiased estimates from biased sequences.
+
+    >>> import debias
+    >>> print(debias.estimate("square-of-mean", samples=1e6, seed=7))
+
+`problems()` lists the problems with known answers; `levels`, `function_of_mean` and `function_of_integral` make one of
+your own from a NumPy function. The same seed gives the same bits as the program `debias` and as C++, on any number of
+threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import numbers
+import warnings
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+
+from . import _debias
+
+__version__: str = _debias.version
+#: Changes whenever the same seed would give other numbers.
+stream_version: int = _debias.stream_version
+
+__all__ = [
+    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
+    "Problem", "Report", "Result", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
+    "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey",
+    "tradeoff",
+]
+
+Problem = _debias.UserProblem
+Number = Union[int, float, str]
+Progress = Union[None, bool, Callable[[float, float], Any]]
+
+
+class DebiasWarning(UserWarning):
+    """A doubt that a result has about itself."""
+
+
+class InfiniteVarianceWarning(DebiasWarning):
+    """The variance of a sample is infinite: the standard error is too small most of the time."""
+
+
+class NonFiniteWarning(DebiasWarning):
+    """Samples that are no finite numbers, so there is no mean."""
+
+
+class GoalMissedWarning(DebiasWarning):
+    """The error or the time that was asked for is missed."""
+
+
+class Interval(NamedTuple):
+    low: Any
+    high: Any
+
+
+# ---- reports
+
+
+class Report:
+    """What a command has to say: `print` shows the program's text, `to_dict` and `to_json` its JSON."""
+
+    def __init__(self, text: str, json_text: str):
+        self._text = text
+        self._json = json_text
+        self._data = json.loads(json_text)
+
+    def __str__(self) -> str:
+        return self._text.rstrip("\n")
+
+    def __repr__(self) -> str:
+        return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
+
+    def __getitem__(self, key: str) -> Any:
+        return self._data[key]
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.__reduce__() == other.__reduce__()
+
+    def __reduce__(self):
+        return type(self), (self._text, self._json)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def to_dict(self) -> dict:
+        """The JSON of the program; numbers that are not finite are None."""
+        return json.loads(self._json)
+
+    def to_json(self) -> str:
+        return self._json
+
+    def _repr_html_(self) -> str:
+        rows = (f"<td>{html.escape(line[:14].strip())}</td><td>{html.escape(line[14:].strip())}</td>"
+                for line in str(self).splitlines())
+        return "<table>" + "".join(f"<tr style='text-align: left'>{row}</tr>" for row in rows) + "</table>"
+
+    @property
+    def levels(self) -> np.ndarray:
+        """What is known of each level, as a structured array."""
+        return _table(self._data["levels"])
+
+
+class Result(Report):
+    """An estimate and its doubt."""
+
+    def __repr__(self) -> str:
+        return f"<debias.Result: {self._data['problem']}, mean {self.mean}, standard error {self.standard_error}>"
+
+    def _components(self, name: str, of_one: Any) -> Any:
+        if "components" not in self._data:
+            return _number(of_one)
+        return np.array([_number(c[name]) for c in self._data["components"]])
+
+    @property
+    def mean(self) -> Any:
+        """NaN if a sample was not finite; an array if the problem has components."""
+        return self._components("mean", self._data["mean"])
+
+    @property
+    def standard_error(self) -> Any:
+        return self._components("standard_error", self._data["standard_error"])
+
+    @property
+    def confidence_interval(self) -> Interval:
+        """Of the confidence that was asked for; of normal theory, so see `verdict`."""
+        interval = self._known("interval")
+        return Interval(self._components("low", interval["low"]), self._components("high", interval["high"]))
+
+    def _known(self, key: str) -> Any:
+        if key not in self._data:
+            raise AttributeError(f"{key} (a result of multilevel has none; it has a 'bias')")
+        return self._data[key]
+
+    @property
+    def samples(self) -> int:
+        return self._known("samples")
+
+    @property
+    def seed(self) -> int:
+        return self._data["seed"]
+
+    @property
+    def work(self) -> float:
+        return _number(self._data["work"])
+
+    @property
+    def seconds(self) -> float:
+        return self._data["seconds"]
+
+    @property
+    def efficiency(self) -> float:
+        """1 / (variance x seconds per sample)."""
+        return _number(self._known("efficiency"))
+
+    @property
+    def verdict(self) -> str:
+        """Is the variance finite: "finite", "infinite" or "undecided", from this run alone; "unknown" without two
+        finite samples. ['evidence'] has the reasons."""
+        return self._data.get("evidence", {}).get("variance", "unknown")
+
+    @property
+    def reliable(self) -> bool:
+        """Can the interval be trusted? It takes a finite fourth moment, too."""
+        return self._data.get("evidence", {}).get("interval_reliable", False)
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The largest samples by magnitude: index (for `replay`), level, value."""
+        return _table(self._known("largest"))
+
+    @property
+    def warnings(self) -> list:
+        return list(self._data.get("warnings", []))
+
+
+class Diagnosis(Report):
+    """What numbers alone say of their mean and of its error."""
+
+    @property
+    def mean(self) -> float:
+        return _number(self._data["mean"])
+
+    @property
+    def standard_error(self) -> float:
+        return _number(self._data["standard_error"])
+
+    @property
+    def confidence_interval(self) -> Interval:
+        interval = self._data["interval"] or {"low": None, "high": None}
+        return Interval(_number(interval["low"]), _number(interval["high"]))
+
+    @property
+    def verdict(self) -> str:
+        return (self._data["verdict"] or {}).get("variance", "unknown")
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The largest values by magnitude: index into the array, value, share of the sum of squares."""
+        rows = [{"index": v["row"] - 1, "value": v["value"], "share": v["share"]} for v in self._data["largest"]]
+        return _table(rows)
+
+    @property
+    def running(self) -> np.ndarray:
+        """Mean and standard error after 2, 4, 8, ... values."""
+        return _table(self._data["running"])
+
+    @property
+    def warnings(self) -> list:
+        return list(self._data["warnings"])
+
+
+def _number(x: Any) -> float:
+    return math.nan if x is None else x
+
+
+def _table(rows: Sequence[dict]) -> np.ndarray:
+    """Rows of JSON as a structured array; None is NaN."""
+    if not rows:
+        return np.zeros(0, dtype=[("level", np.int64)])
+
+    def kind(key: str) -> Any:
+        column = [row[key] for row in rows]
+        if all(isinstance(x, bool) for x in column):
+            return bool
+        if all(isinstance(x, int) for x in column) and key not in ("value", "mean", "work"):
+            return np.int64
+        return f"U{max(len(x) for x in column)}" if all(isinstance(x, str) for x in column) else np.float64
+
+    dtype = [(key, kind(key)) for key in rows[0]]
+    return np.array([tuple(_number(row[key]) for key, _ in dtype) for row in rows], dtype=dtype)
+
+
+# ---- words for the commands
+
+
+def _words(**options: Any) -> dict:
+    return {name: _word(name, value) for name, value in options.items() if value is not None}
+
+
+def _word(name: str, value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
+    return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+
+
+def _problem(problem: Any) -> Any:
+    if isinstance(problem, (str, Problem)):
+        return problem
+    raise TypeError(f"problem: {type(problem).__name__} (must be a name, see debias.problems(), or one of your own, "
+                    "see debias.levels and debias.function_of_mean)")
+
+
+def _law(problem: Any, law: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
+    """Without declared rates a pilot has to choose the law, where there is one."""
+    needs = law is None and estimator not in ("truncated", "multilevel")
+    if not needs or not isinstance(problem, Problem) or problem.declares_rates:
+        return law
+    if pilot and estimator in (None, "single_term", "single_term_drawn"):
+        return "auto"
+    raise ValueError(f"law: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['law'] of "
+                     "an estimate")
+
+
+class _Bar:
+    """Shows progress by tqdm, if there is such a thing."""
+
+    def __init__(self, progress: Progress):
+        self._bar = None
+        self.call = progress if callable(progress) else None
+        if progress is True:
+            try:
+                from tqdm.auto import tqdm
+            except ImportError:
+                return
+            self._bar = tqdm(unit=" draws", unit_scale=True, leave=False)
+            self.call = self._show
+        elif self.call is None and progress not in (None, False):
+            raise TypeError(f"progress: {type(progress).__name__} (must be True, or a function of (done, total))")
+
+    def _show(self, done: float, total: float) -> None:
+        self._bar.total = total or None
+        self._bar.update(done - self._bar.n)
+
+    def __enter__(self) -> Any:
+        return self.call
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+# ---- commands
+
+
+def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+             estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
+             block: Optional[Number] = None, error: Optional[Number] = None,
+             relative_error: Optional[Number] = None, time: Optional[Number] = None,
+             confidence: Number = 0.95, progress: Progress = None) -> Result:
+    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `time` ask for.
+
+    law         of the random level, "geometric:r=0.6"; "auto": a pilot chooses law, base level and strata. Without
+                one the declared rates of the problem choose, or a pilot where there are none.
+    estimator   see `estimators()`; "multilevel", the biased baseline, takes an `error`
+    block       members of a block of systematic strata, which is one sample
+    progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
+
+    Issues a DebiasWarning for each doubt of the result.
+    """
+    command = _debias.multilevel if estimator == "multilevel" else _debias.run
+    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
+                   law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
+                   error=error, relative_error=relative_error, time=time, confidence=confidence)
+    with _Bar(progress) as bar:
+        result = Result(*command(problem, words, bar))
+    _warn(result)
+    return result
+
+
+def _warn(result: Result) -> None:
+    data = result._data
+    doubts = []
+    if data.get("nonfinite"):
+        doubts.append((NonFiniteWarning, data["warnings"][0]))
+    elif result.verdict == "infinite":
+        doubts.append((InfiniteVarianceWarning, data["evidence"]["sentences"][0]))
+    if isinstance(data["goal"], dict) and not data["goal"]["met"]:
+        doubts.append((GoalMissedWarning, "the goal is missed"))
+    said = {text for _, text in doubts}
+    doubts += [(DebiasWarning, text) for text in data.get("warnings", []) if text not in said]
+    for category, text in doubts:
+        warnings.warn(text, category, stacklevel=3)
+
+
+def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: int = 0,
+            estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
+            block: Optional[Number] = None, progress: Progress = None) -> np.ndarray:
+    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages."""
+    for name, value, least in (("n", n, 1), ("first", first, 0)):
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
+        if not least <= value < 2**62:
+            raise ValueError(f"{name} = {value} (must be at least {least})")
+    words = _words(seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                   base_level=base_level, block=block)
+    with _Bar(progress) as bar:
+        values = _debias.samples(problem, words, int(n), int(first), bar)
+    return values.reshape(n, -1) if values.size != n else values
+
+
+def replay(problem: Union[str, Problem], sample: Number, *, seed: Number, estimator: Optional[str] = None,
+           law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
+    """One sample of a run again, with every level that it touched."""
+    words = _words(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                   base_level=base_level, block=block)
+    return Report(*_debias.replay(problem, words, None))
+
+
+def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Number = 1,
+           threads: Number = 0, progress: Progress = None) -> Report:
+    """Measures the levels: how differences decay, how work grows, and whether a law exists."""
+    words = _words(levels=levels, samples=samples, seed=seed, threads=threads)
+    with _Bar(progress) as bar:
+        return Report(*_debias.survey(_problem(problem), words, bar))
+
+
+def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points: Number = 15,
+             samples: Number = 100_000, seed: Number = 1, threads: Number = 0, estimator: Optional[str] = None,
+             base_level: Optional[Number] = None, block: Optional[Number] = None,
+             progress: Progress = None) -> Report:
+    """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
+    words = _words(family=family, points=points, samples=samples, seed=seed, threads=threads, estimator=estimator,
+                   base_level=base_level, block=block)
+    with _Bar(progress) as bar:
+        return Report(*_debias.tradeoff(_problem(problem), words, bar))
+
+
+def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+           estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
+           relative_error: Optional[Number] = None, time: Optional[Number] = None,
+           progress: Progress = None) -> Report:
+    """What a pilot would choose: base level, law and strata, and what they are worth."""
+    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator, base_level=base_level,
+                   error=error, relative_error=relative_error, time=time, law="auto")
+    with _Bar(progress) as bar:
+        return Report(*_debias.recipe(_problem(problem), words, bar))
+
+
+def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
+    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides."""
+    array = np.asanyarray(values)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"values: an array of {array.dtype} (must be of real numbers)")
+    diagnostician = _debias.Diagnostician()
+    pieces = np.nditer(array, flags=["external_loop", "buffered", "zerosize_ok"], op_dtypes=[np.float64],
+                       casting="same_kind", order="C", buffersize=1 << 16)
+    for piece in pieces if array.size else ():
+        diagnostician.add(piece)
+    return Diagnosis(*diagnostician.finish(name))
+
+
+def problems() -> list:
+    """The problems with known answers, each with its id, name, truth, rates and source."""
+    return json.loads(_debias.problems())
+
+
+def estimators() -> list:
+    return json.loads(_debias.estimators())
+
+
+def laws() -> list:
+    return json.loads(_debias.laws())
+
+
+# ---- problems of one's own
+
+
+def normal_quantile(uniforms: Any) -> np.ndarray:
+    """Standard normal numbers from uniform ones, the bits of C++."""
+    return _debias.normal_quantile(uniforms)
+
+
+def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[int, Callable[[int], int]],
+           work: Union[None, float, Callable[[int], float]] = None, components: Optional[int] = None,
+           rates: Optional[Sequence[float]] = None, polynomial: bool = False, lowest_base: int = 0,
+           truth: Optional[float] = None, name: str = "levels", formula: str = "") -> Problem:
+    """A sequence of coupled levels, in batches.
+
+    differences(level, uniforms) sees an array (n, dimension(level)) of numbers in (0, 1), one row a draw, and returns
+
+      at level 0   the estimates I_0, an array (n,)
+      above        (fine, coarse), the estimates I_k and I_(k-1) of the same draws; or D_k = I_k - I_(k-1) alone, which
+                   is enough to estimate, but not for a survey, a recipe, or a base level above 0
+
+    components   c, where an estimate is an array: (n, c) in place of (n,)
+    dimension    uniforms of a draw, or a function of the level; 2 ** level, say
+    work         of a draw, likewise; its dimension where it is not given
+    rates        (beta, gamma): E D_k^2 falls like 2^(-beta k), work grows like 2^(gamma k); k^-beta and k^gamma if
+                 `polynomial`. Without rates a pilot chooses the law.
+
+    The function is called once for each level and block of 65536 samples, on the thread that called `estimate`.
+    """
+    if not callable(differences):
+        raise TypeError(f"differences: {type(differences).__name__} (must be a function of (level, uniforms))")
+    width = 1 if components is None else _whole("components", components, 1)
+
+    def answer(level: int, uniforms: np.ndarray) -> np.ndarray:
+        out = differences(level, uniforms)
+        n = len(uniforms)
+        shape = (n,) if components is None else (n, width)
+        if not isinstance(out, tuple):
+            return _checked("differences", out, shape, level, uniforms).reshape(n, width)
+        if level == 0:
+            raise ValueError("differences: a tuple at level 0 (which has no coarse partner); return the estimates")
+        if len(out) != 2:
+            raise ValueError(f"differences: a tuple of {len(out)} (must be (fine, coarse))")
+        fine, coarse = (_checked("differences", part, shape, level, uniforms).reshape(n, width) for part in out)
+        return np.concatenate((fine, fine - coarse), axis=1)
+
+    dimension_of = _function_of_level("dimension", dimension, whole=True)
+    work_of = dimension_of if work is None else _function_of_level("work", work, whole=False)
+    facts = _facts(name, formula, truth, rates, polynomial, lowest_base)
+    return _debias.levels(facts, answer, lambda level: (dimension_of(level), work_of(level)),
+                          0 if components is None else width)
+
+
+def function_of_mean(integrand: Callable[[np.ndarray], Any], g: str, *, dimension: int = 1,
+                     rates: Optional[Sequence[float]] = None, lowest_base: int = 0, truth: Optional[float] = None,
+                     name: str = "function of a mean", formula: str = "") -> Problem:
+    """g(E integrand(x)), x uniform in the unit cube: integrand(x) sees an array (n, dimension) and returns (n,).
+
+    g is one of exp, exp-minus, reciprocal, square, log, sqrt, power:a, davis:c, logistic, absolute, positive-part.
+    Level k averages 2^k draws. Where g has a pole that a mean of a few draws can come near, raise `lowest_base`.
+    """
+    return _mean(integrand, g, "independent", _whole("dimension", dimension, 1), 0.0, 1.0,
+                 _facts(name, formula, truth, rates, False, lowest_base))
+
+
+def function_of_integral(integrand: Callable[[np.ndarray], Any], g: str, *, interval: Sequence[float] = (0.0, 1.0),
+                         points: str = "comb", rates: Optional[Sequence[float]] = None, lowest_base: int = 0,
+                         truth: Optional[float] = None, name: str = "function of an integral",
+                         formula: str = "") -> Problem:
+    """g(integral of the integrand over an interval): integrand(x) sees an array (n, 1) and returns (n,).
+
+    points="comb" takes equidistant ones with one random offset, "jittered" one in each part, for integrands that do
+    not continue periodically.
+    """
+    try:
+        low, high = interval
+    except (TypeError, ValueError):
+        raise TypeError(f"interval: {interval!r} (must be (from, to))") from None
+    return _mean(integrand, g, points, 1, float(low), float(high),
+                 _facts(name, formula, truth, rates, False, lowest_base))
+
+
+def _mean(integrand: Any, g: str, points: str, dimension: int, low: float, high: float, facts: dict) -> Problem:
+    if not callable(integrand):
+        raise TypeError(f"integrand: {type(integrand).__name__} (must be a function of an array)")
+    if not isinstance(g, str):
+        raise TypeError(f"g: {type(g).__name__} (must be the name of a function)")
+
+    def answer(_: int, x: np.ndarray) -> np.ndarray:
+        return _checked("integrand", integrand(x), (len(x),), None, x).reshape(-1, 1)
+
+    return _debias.mean(facts, answer, lambda _: (dimension, 1.0), g, points, low, high)
+
+
+def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs: np.ndarray) -> np.ndarray:
+    where = "" if level is None else f" at level {level}"
+    array = np.asarray(out)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
+                        "array of real numbers)")
+    if array.shape != shape:
+        raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)")
+    array = array.astype(np.float64, copy=False)
+    finite = np.isfinite(array)
+    if not finite.all():
+        row = int(np.argmin(finite.reshape(shape[0], -1).all(axis=1)))
+        shown = np.array2string(inputs[row], threshold=8, precision=17)
+        raise ValueError(f"{function}: returned {array[row]}{where} (must be finite) for the row {shown}")
+    return array
+
+
+def _function_of_level(name: str, value: Any, *, whole: bool) -> Callable[[int], float]:
+    def checked(level: int) -> float:
+        x = value(level) if callable(value) else value
+        if isinstance(x, bool) or not isinstance(x, numbers.Integral if whole else numbers.Real):
+            raise TypeError(f"{name}: {type(x).__name__} at level {level} (must be a "
+                            f"{'whole ' if whole else ''}number)")
+        if not 0 < x < math.inf:
+            raise ValueError(f"{name} = {x} at level {level} (must be positive)")
+        return min(float(min(x, 2**62)), 2.0**62)
+
+    if not callable(value):
+        checked(0)
+    return checked
+
+
+def _whole(name: str, value: Any, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
+    if not least <= value < 2**62:
+        raise ValueError(f"{name} = {value} (must be at least {least})")
+    return int(value)
+
+
+def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequence[float]], polynomial: bool,
+           lowest_base: int) -> dict:
+    beta, gamma = (None, None) if rates is None else (float(r) for r in rates)
+    if beta is not None and not (beta > 0 and math.isfinite(gamma)):
+        raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
+    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_rate": beta, "work_rate": gamma,
+            "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}

@@ -1,0 +1,130 @@
+#pragma once
+
+// Calls of a slow function, gathered. While draws are rehearsed each call leaves its arguments here and goes on with
+// zero; then one call answers all of a level at once; then the draws that count read the answers in the same order.
+//
+// Which questions are asked must not depend on the answers. A level asks with rows of a fixed width. Beyond
+// `most_pending` numbers a level is answered early, so that memory grows with the answers alone.
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace debias::python {
+
+class Lookups {
+ public:
+  /// What a draw of a level asks for, and what it costs.
+  struct Size {
+    std::size_t width = 0;
+    double work = 1;
+  };
+  /// Appends the answers to `rows` rows of questions; returns the numbers per answer.
+  using Answer = std::function<std::size_t(std::int64_t level, std::span<const double> questions, std::size_t rows,
+                                           std::vector<double>& answers)>;
+  using SizeOf = std::function<Size(std::int64_t level)>;
+
+  Lookups(Answer answer, SizeOf size_of) : answer_(std::move(answer)), size_of_(std::move(size_of)) {}
+
+  [[nodiscard]] bool rehearsing() const { return rehearsing_; }
+
+  Size size(std::int64_t level) { return rows_of(level).size; }
+
+  /// Room for one row of questions.
+  std::span<double> ask(std::int64_t level) {
+    Rows& rows = rows_of(level);
+    if (rows.questions.size() > most_pending) answer(level, rows);
+    ++rows.asked;
+    rows.questions.resize(rows.questions.size() + rows.size.width);
+    return std::span(rows.questions).last(rows.size.width);
+  }
+
+  /// The answer to the next row.
+  std::span<const double> next(std::int64_t level) {
+    Rows& rows = rows_of(level);
+    const std::size_t begin = rows.read++ * rows.answer_width;
+    if (begin + rows.answer_width > rows.answers.size() || rows.answer_width == 0) {
+      throw std::logic_error("lookups: a draw asks for more than its rehearsal");
+    }
+    return std::span(rows.answers).subspan(begin, rows.answer_width);
+  }
+
+  /// Runs the draws for their questions, and has them answered.
+  void rehearse(const std::function<void()>& draws) {
+    for (auto& [level, rows] : rows_) rows.clear();
+    rehearsing_ = true;
+    try {
+      draws();
+    } catch (...) {
+      rehearsing_ = false;
+      throw;
+    }
+    rehearsing_ = false;
+    for (auto& [level, rows] : rows_) {
+      if (rows.asked > 0) answer(level, rows);
+    }
+  }
+
+ private:
+  static constexpr std::size_t most_pending = std::size_t{1} << 20;
+  static constexpr std::size_t most_answers = std::size_t{1} << 27;
+
+  struct Rows {
+    Size size;
+    std::vector<double> questions;
+    std::vector<double> answers;
+    std::size_t asked = 0;
+    std::size_t read = 0;
+    std::size_t answer_width = 0;
+
+    void clear() {
+      questions.clear();
+      answers.clear();
+      asked = read = 0;
+    }
+  };
+
+  Rows& rows_of(std::int64_t level) {
+    if (level == last_level_) return *last_;
+    auto found = rows_.find(level);
+    if (found == rows_.end()) {
+      Rows rows;
+      rows.size = size_of_(level);
+      found = rows_.emplace(level, std::move(rows)).first;
+    }
+    last_level_ = level;
+    last_ = &found->second;
+    return *last_;
+  }
+
+  void answer(std::int64_t level, Rows& rows) {
+    if (rows.answers.size() + rows.asked > most_answers) {
+      throw std::length_error("level " + std::to_string(level) + " asks for more than 2^27 numbers within one chunk " +
+                              "(1 GiB); choose a law that falls faster");
+    }
+    const bool again = !rows.answers.empty();
+    const std::size_t width = answer_(level, rows.questions, rows.asked, rows.answers);
+    if (again && width != rows.answer_width) {
+      throw std::invalid_argument("level " + std::to_string(level) +
+                                  " was answered in two forms (a level has one: " + "differences, or fine and coarse)");
+    }
+    rows.answer_width = width;
+    rows.questions.clear();
+    rows.asked = 0;
+  }
+
+  Answer answer_;
+  SizeOf size_of_;
+  std::map<std::int64_t, Rows> rows_;
+  std::int64_t last_level_ = -1;
+  Rows* last_ = nullptr;
+  bool rehearsing_ = false;
+};
+
+}  // namespace debias::python

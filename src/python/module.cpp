@@ -1,0 +1,369 @@
+// debias._debias: the commands of the program for Python. Each takes a problem (a name of the catalogue, or one of
+// the user's own), the words of the command line by their names, and whoever wants to see the progress; it returns
+// the text that the program prints and its JSON. What belongs to Python alone lives in debias/__init__.py.
+
+#include <pybind11/functional.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <unistd.h>
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <future>
+#include <limits>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "../catalog.hpp"
+#include "../cli/arguments.hpp"
+#include "../cli/commands.hpp"
+#include "../cli/diagnose.hpp"
+#include "../cli/json.hpp"
+#include "problem.hpp"
+
+namespace py = pybind11;
+
+namespace debias::python {
+namespace {
+
+using cli::Arguments;
+using cli::Watch;
+using Words = std::map<std::string, std::string>;
+using Report = std::pair<std::string, std::string>;  // text and JSON
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using namespace std::chrono_literals;
+
+Arguments arguments_of(const Words& words) {
+  static const std::map<std::string, std::string Arguments::*> members = {
+      {"samples", &Arguments::samples},
+      {"seed", &Arguments::seed},
+      {"threads", &Arguments::threads},
+      {"estimator", &Arguments::estimator},
+      {"law", &Arguments::law},
+      {"base_level", &Arguments::base_level},
+      {"block", &Arguments::block},
+      {"error", &Arguments::error},
+      {"relative_error", &Arguments::relative_error},
+      {"time", &Arguments::time},
+      {"confidence", &Arguments::confidence},
+      {"levels", &Arguments::levels},
+      {"family", &Arguments::family},
+      {"points", &Arguments::points},
+      {"sample", &Arguments::sample}};
+  Arguments a;
+  for (const auto& [name, word] : words) a.*members.at(name) = word;
+  return a;
+}
+
+// --base-level becomes base_level: the same words, as Python spells them.
+std::string in_python(const std::string& message) {
+  std::string text;
+  for (std::size_t i = 0; i < message.size(); ++i) {
+    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && std::islower(message[i + 2]) != 0;
+    if (!option) {
+      text += message[i];
+      continue;
+    }
+    for (i += 2; i < message.size() && (std::islower(message[i]) != 0 || message[i] == '-'); ++i) {
+      text += message[i] == '-' ? '_' : message[i];
+    }
+    --i;
+  }
+  return text;
+}
+
+// Says where an exception of the user's function came from, where Python can hold notes (3.11).
+void add_note(const py::error_already_set& e, const std::string& note) {
+  if (py::hasattr(e.value(), "add_note")) e.value().attr("add_note")(note);
+}
+
+// Calls f; what it throws becomes what a Python user expects: the user's own exceptions as they were raised.
+template <class F>
+auto translated(const F& f) {
+  try {
+    return f();
+  } catch (const SampleError& e) {
+    const std::string where = "seed " + std::to_string(e.seed()) + ", sample " + std::to_string(e.index());
+    try {
+      std::rethrow_if_nested(e);
+    } catch (py::error_already_set& inner) {
+      add_note(inner, "debias: in the block that begins with " + where);
+      throw;
+    } catch (const std::logic_error& inner) {
+      throw py::value_error(where + ": " + in_python(inner.what()));
+    } catch (const std::bad_alloc&) {
+      throw;
+    } catch (const std::exception& inner) {
+      throw std::runtime_error(where + ": " + inner.what());
+    }
+    throw;
+  } catch (const std::logic_error& e) {
+    throw py::value_error(in_python(e.what()));
+  }
+}
+
+/// Runs f(watch) on a thread of its own, while this one answers Ctrl-C and shows the progress. A run that does not
+/// end within 0.35 s of Ctrl-C (deep in a level of 2^60 draws nobody looks) is left behind, and ends with the program.
+template <class F>
+auto on_worker(F f, const py::object& progress) {
+  struct Shared {
+    std::atomic<double> done = 0;
+    std::atomic<double> total = 0;
+    std::atomic<bool> stop = false;
+  };
+  const auto shared = std::make_shared<Shared>();
+  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f = std::move(f), shared] {
+    return f([&shared](std::string_view, double done, double total) {
+      shared->done = done;
+      shared->total = total;
+      return !shared->stop;
+    });
+  });
+  auto future = task.get_future();
+  std::thread worker(std::move(task));
+  const auto ends_within = [&future](std::chrono::milliseconds time) {
+    const py::gil_scoped_release release;
+    return future.wait_for(time) == std::future_status::ready;
+  };
+  try {
+    while (!ends_within(50ms)) {
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+      if (!progress.is_none()) progress(shared->done.load(), shared->total.load());
+    }
+  } catch (...) {
+    shared->stop = true;
+    if (ends_within(350ms)) {
+      worker.join();
+    } else {
+      worker.detach();
+      // Its tables must outlive it: leave without destroying them.
+      static const int registered = on_exit(
+          [](int status, void*) {
+            std::fflush(nullptr);
+            _exit(status);
+          },
+          nullptr);
+      static_cast<void>(registered);
+    }
+    throw;
+  }
+  worker.join();
+  return future.get();
+}
+
+/// Runs f(watch) here: Python functions answer on the thread that their user called from.
+template <class F>
+auto on_this_thread(const F& f, const py::object& progress) {
+  auto next = std::chrono::steady_clock::now();
+  const Watch watch = [&](std::string_view, double done, double total) {
+    if (std::chrono::steady_clock::now() < next) return true;
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (!progress.is_none()) progress(done, total);
+    next = std::chrono::steady_clock::now() + 50ms;
+    return true;
+  };
+  const py::gil_scoped_release release;
+  return f(watch);
+}
+
+// f(problem, arguments, watch) for a problem of either kind.
+template <class F>
+auto with_problem(const py::object& problem, const Words& words, const py::object& progress, const F& f) {
+  return translated([&] {
+    const Arguments arguments = arguments_of(words);
+    if (py::isinstance<UserProblem>(problem)) {
+      const auto& user = problem.cast<const UserProblem&>();
+      const std::unique_lock lock(*user.in_use, std::try_to_lock);
+      if (!lock)
+        throw std::invalid_argument("problem: '" + user.problem.name + "' (is in use by another run); make two");
+      const catalog::Problem& p = user.problem;
+      return on_this_thread([&](const Watch& watch) { return f(p, arguments, watch); }, progress);
+    }
+    const catalog::Problem& p = catalog::find(problem.cast<std::string>());
+    return on_worker([&p, arguments, f](const Watch& watch) { return f(p, arguments, watch); }, progress);
+  });
+}
+
+std::string json_of(const cli::Run& r) { return run_json(r); }
+std::string json_of(const cli::MultilevelRun& r) { return multilevel_json(r); }
+std::string json_of(const cli::AdviceOn& r) { return advice_json(r); }
+std::string json_of(const cli::Replay& r) { return replay_json(r); }
+std::string json_of(const cli::SurveyOf& r) { return survey_json(r); }
+std::string json_of(const cli::Tradeoff& r) { return tradeoff_json(r); }
+std::string json_of(const cli::Diagnosis& r) { return diagnose_json(r); }
+
+template <class R>
+Report report(const R& r) {
+  std::ostringstream text;
+  print(text, r);
+  return {text.str(), json_of(r)};
+}
+
+template <auto command>
+Report run_command(const py::object& problem, const Words& words, const py::object& progress) {
+  return with_problem(problem, words, progress, [](const catalog::Problem& p, const Arguments& a, const Watch& watch) {
+    return report(command(p, a, watch));
+  });
+}
+
+cli::Replay replay_command(const catalog::Problem& p, const Arguments& a, const Watch& /*watch*/) {
+  return replay_of(p, a);
+}
+
+/// Samples first, first + 1, ..., n of them.
+py::object samples(const py::object& problem, const Words& words, std::int64_t n, std::int64_t first,
+                   const py::object& progress) {
+  const bool own = py::isinstance<UserProblem>(problem);
+  const UserProblem* user = own ? &problem.cast<const UserProblem&>() : nullptr;
+  const std::size_t components = own ? user->components : 1;
+  const auto values = std::make_shared<std::vector<double>>(static_cast<std::size_t>(n) * components);
+  with_problem(problem, words, progress, [=](const catalog::Problem& p, const Arguments& a, const Watch& watch) {
+    const catalog::Choice choice = read_choice(a, p);
+    const std::uint64_t seed = cli::read_seed(a.seed);
+    for (std::int64_t i = 0; i < n;) {
+      const std::int64_t size = std::min<std::int64_t>(own ? RunState::chunk_size : 64, n - i);
+      const auto begin = static_cast<std::size_t>(i) * components;
+      const auto out = std::span(*values).subspan(begin, static_cast<std::size_t>(size) * components);
+      if (own) {
+        user->samples(choice, seed, first + i, out);
+      } else {
+        for (std::int64_t j = 0; j < size; ++j) {
+          out[static_cast<std::size_t>(j)] = p.trace(choice, seed, first + i + j).sample.value;
+        }
+      }
+      i += size;
+      if (!watch("samples", static_cast<double>(i), static_cast<double>(n))) break;
+    }
+    return true;
+  });
+  py::array_t<double> result(static_cast<py::ssize_t>(values->size()));
+  std::memcpy(result.mutable_data(), values->data(), values->size() * sizeof(double));
+  return result;
+}
+
+/// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, size(level)
+/// the numbers of a row of questions and the work of a draw.
+std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size) {
+  // References go while Python holds its lock, wherever the last owner is.
+  const auto keep = [](const py::function& f) {
+    return std::shared_ptr<py::function>(new py::function(f), [](const py::function* owned) {
+      const py::gil_scoped_acquire acquire;
+      delete owned;
+    });
+  };
+  const auto answer_of = [f = keep(answer)](std::int64_t level, std::span<const double> questions, std::size_t rows,
+                                            std::vector<double>& answers) {
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    const auto n = static_cast<py::ssize_t>(rows);
+    py::array_t<double> asked({n, static_cast<py::ssize_t>(questions.size() / rows)});
+    std::memcpy(asked.mutable_data(), questions.data(), questions.size_bytes());
+    const auto given = (*f)(level, asked).template cast<Doubles>();
+    if (given.ndim() != 2 || given.shape(0) != n) throw std::logic_error("answers: not one row for each question");
+    answers.insert(answers.end(), given.data(), given.data() + given.size());
+    return static_cast<std::size_t>(given.shape(1));
+  };
+  const auto size_of = [f = keep(size)](std::int64_t level) -> Lookups::Size {
+    const py::gil_scoped_acquire acquire;
+    const auto [width, work] = (*f)(level).template cast<std::pair<double, double>>();
+    if (width > 0x1p24) {
+      throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^24 uniforms a draw");
+    }
+    return {static_cast<std::size_t>(width), work};
+  };
+  return std::make_shared<Lookups>(answer_of, size_of);
+}
+
+Facts facts_of(const py::dict& d) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto number = [&](const char* key) { return d[key].is_none() ? nan : d[key].cast<double>(); };
+  Facts facts;
+  facts.name = d["name"].cast<std::string>();
+  facts.formula = d["formula"].cast<std::string>();
+  facts.truth = number("truth");
+  facts.rates = {number("variance_rate"), number("work_rate"),
+                 d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
+  facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
+  return facts;
+}
+
+/// Takes pieces of numbers in order.
+class Diagnostician {
+ public:
+  void add(const Doubles& piece) {
+    const std::span values(piece.data(), static_cast<std::size_t>(piece.size()));
+    const py::gil_scoped_release release;
+    for (const double x : values) sums_.add(x, ++count_);  // the program counts from 1
+  }
+  Report finish(const std::string& name) {
+    const py::gil_scoped_release release;
+    cli::Diagnosis d;
+    d.file = name;
+    d.unit = "value";
+    sums_.finish(d);
+    if (d.moments.count == 0) throw std::invalid_argument("diagnose: no value (one at least)");
+    conclude(d);
+    return report(d);
+  }
+
+ private:
+  cli::Sums sums_;
+  std::int64_t count_ = 0;
+};
+
+}  // namespace
+}  // namespace debias::python
+
+PYBIND11_MODULE(_debias, m) {
+  using namespace debias;
+  using namespace debias::python;
+  m.attr("version") = DEBIAS_VERSION;
+  m.attr("stream_version") = static_cast<int>(Stream::layout_version);
+
+  m.def("run", run_command<&cli::run_of>);
+  m.def("multilevel", run_command<&cli::multilevel_of>);
+  m.def("recipe", run_command<&cli::advice_on>);
+  m.def("survey", run_command<&cli::survey_of>);
+  m.def("tradeoff", run_command<&cli::tradeoff_of>);
+  m.def("replay", run_command<&replay_command>);
+  m.def("samples", samples);
+  m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
+  m.def("problems", cli::problems_json);
+  m.def("estimators", cli::estimators_json);
+  m.def("laws", cli::laws_json);
+
+  py::class_<UserProblem>(m, "UserProblem")
+      .def_readonly("components", &UserProblem::components)
+      .def_property_readonly("name", [](const UserProblem& u) { return u.problem.name; })
+      .def_property_readonly("declares_rates",
+                             [](const UserProblem& u) { return !std::isnan(u.problem.rates.variance); });
+  m.def("levels",
+        [](const py::dict& facts, const py::function& answer, const py::function& size, std::size_t components) {
+          return translated([&] { return levels_problem(facts_of(facts), lookups_of(answer, size), components); });
+        });
+  m.def("mean", [](const py::dict& facts, const py::function& answer, const py::function& size, const std::string& g,
+                   const std::string& points, double from, double to) {
+    return translated([&] { return mean_problem(facts_of(facts), lookups_of(answer, size), g, points, from, to); });
+  });
+
+  py::class_<Diagnostician>(m, "Diagnostician")
+      .def(py::init<>())
+      .def("add", &Diagnostician::add)
+      .def("finish", &Diagnostician::finish);
+}

@@ -1,0 +1,285 @@
+#include "problem.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <Eigen/Core>
+
+#include "../catalog/make.hpp"
+#include "../core/text.hpp"
+
+namespace debias::python {
+namespace {
+
+using catalog::Choice;
+
+/// An estimator, or a draw of a level, whose look-ups are gathered.
+template <Estimator E>
+struct Gathered {
+  E estimator;
+  Lookups* lookups;
+
+  template <Record R>
+  auto operator()(Stream& rng, R& record) const {
+    return draw_sample(estimator, rng, record);
+  }
+  void rehearse(const std::function<void()>& draws) const { lookups->rehearse(draws); }
+  [[nodiscard]] std::string describe() const { return description(estimator); }
+  [[nodiscard]] double probability(std::int64_t level) const requires KnowsProbabilities<E> {
+    return estimator.probability(level);
+  }
+  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
+    return estimator.bias_bound(levels);
+  }
+};
+
+template <Estimator E>
+auto gathered_run(const E& e, Lookups& lookups, Plan plan) {
+  plan.threads = 1;  // Python answers on the thread that asks
+  return estimate(Gathered<E>{e, &lookups}, plan);
+}
+
+template <BiasedSequence S>
+LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& lookups) {
+  LevelRuns runs;
+  runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
+    return gathered_run(debias::detail::LevelDraw<S>{sequence, level}, *lookups, plan);
+  };
+  runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
+    const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
+    lookups->rehearse(mean_work);
+    return mean_work();
+  };
+  if constexpr (OffersSharedBase<S>) {
+    runs.shared = [sequence, lookups](std::int64_t level, std::int64_t base_level, const Plan& plan) {
+      return debias::detail::shared_moments(
+          gathered_run(debias::detail::SharedLevelDraw<S>{sequence, level, base_level}, *lookups, plan));
+    };
+  }
+  return runs;
+}
+
+template <BiasedSequence S>
+UserProblem make_problem(const Facts& facts, const S& sequence, const std::shared_ptr<Lookups>& lookups) {
+  using catalog::Method;
+  const auto with = [sequence](const Choice& choice, const auto& use) {
+    return catalog::detail::with_estimator(sequence, catalog::detail::NoTerms{}, choice, use);
+  };
+  UserProblem user;
+  catalog::Problem& p = user.problem;
+  p.name = facts.name;
+  p.module = "python";
+  p.truth = facts.truth;
+  p.formula = facts.formula;
+  p.rates = facts.rates;
+  p.lowest_base = facts.lowest_base;
+  p.methods = {Method::single_term, Method::single_term_drawn, Method::independent_sum, Method::truncated};
+  p.run = [with, lookups](const Choice& choice, const Plan& plan) {
+    return with(choice, [&](const auto& e) -> Statistics { return gathered_run(e, *lookups, plan); });
+  };
+  p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
+    return with(choice, [&](const auto& e) {
+      lookups->rehearse([&] { trace(e, seed, index); });
+      auto t = trace(e, seed, index);
+      return Trace<double>{{as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels)};
+    });
+  };
+  p.levels = gathered_levels(sequence, lookups);
+  user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {
+    with(choice, [&](const auto& e) {
+      const auto draw_all = [&] {
+        NullRecord record;
+        std::size_t filled = 0;
+        for (std::int64_t i = first; filled < out.size(); ++i) {
+          Stream rng(seed, static_cast<std::uint64_t>(i));
+          const auto value = draw_sample(e, rng, record).value;
+          for (std::size_t j = 0; j < component_count(value); ++j) out[filled++] = component(value, j);
+        }
+      };
+      lookups->rehearse(draw_all);
+      draw_all();
+    });
+  };
+  return user;
+}
+
+// ---- levels
+
+template <Value V>
+struct Levels {
+  std::shared_ptr<Lookups> lookups;
+  std::size_t components;
+
+  Draw<V> operator()(std::int64_t level, Stream& rng) const {
+    const auto [numbers, work] = look_up(level, rng);
+    return {value_in(numbers, level), difference_in(numbers), work};
+  }
+  Term<V> value_at(std::int64_t level, Stream& rng) const {
+    const auto [numbers, work] = look_up(level, rng);
+    return {value_in(numbers, level), work};
+  }
+  Term<V> difference_at(std::int64_t level, Stream& rng) const {
+    const auto [numbers, work] = look_up(level, rng);
+    return {difference_in(numbers), work};
+  }
+
+ private:
+  // No numbers in a rehearsal.
+  [[nodiscard]] std::pair<std::span<const double>, double> look_up(std::int64_t level, Stream& rng) const {
+    const double work = lookups->size(level).work;
+    if (!lookups->rehearsing()) return {lookups->next(level), work};
+    rng.fill(lookups->ask(level));
+    return {{}, work};
+  }
+  // I_k and D_k, or D_k alone, which is I_0 at level 0.
+  [[nodiscard]] V value_in(std::span<const double> numbers, std::int64_t level) const {
+    if (numbers.size() == components && level > 0) {
+      throw std::invalid_argument("differences: the differences alone at level " + std::to_string(level) +
+                                  " (the estimates are needed too); return (fine, coarse)");
+    }
+    return as_value(numbers.first(std::min(numbers.size(), components)));
+  }
+  [[nodiscard]] V difference_in(std::span<const double> numbers) const {
+    return as_value(numbers.last(std::min(numbers.size(), components)));
+  }
+  [[nodiscard]] V as_value(std::span<const double> numbers) const {
+    if constexpr (RealValue<V>) {
+      return numbers.empty() ? 0.0 : numbers.front();
+    } else {
+      V v = V::Zero(static_cast<Eigen::Index>(components));
+      for (std::size_t i = 0; i < numbers.size(); ++i) set_component(v, i, numbers[i]);
+      return v;
+    }
+  }
+};
+
+// ---- functions of a mean
+
+/// One of functions.hpp, chosen by name: both forms behind a pointer.
+struct NamedFunction {
+  double parameter;
+  double (*value)(double m, double parameter);
+  double (*gap_form)(double m, double d, double parameter);
+
+  double operator()(double m) const { return value(m, parameter); }
+  [[nodiscard]] double gap(double m, double d) const { return gap_form(m, d, parameter); }
+};
+
+template <class G>
+G with_parameter([[maybe_unused]] double parameter) {
+  if constexpr (std::is_empty_v<G>) {
+    return G{};
+  } else {
+    return G{parameter};
+  }
+}
+
+template <class G>
+NamedFunction named(double parameter) {
+  return {parameter, [](double m, double a) { return with_parameter<G>(a)(m); },
+          [](double m, double d, double a) { return with_parameter<G>(a).gap(m, d); }};
+}
+
+struct FunctionName {
+  std::string_view name;
+  bool takes_parameter;
+  NamedFunction (*make)(double parameter);
+};
+constexpr std::array<FunctionName, 11> function_names{{{"exp", false, named<functions::Exp>},
+                                                       {"exp-minus", false, named<functions::ExpMinus>},
+                                                       {"reciprocal", false, named<functions::Reciprocal>},
+                                                       {"square", false, named<functions::Square>},
+                                                       {"log", false, named<functions::Log>},
+                                                       {"sqrt", false, named<functions::Sqrt>},
+                                                       {"power", true, named<functions::Power>},
+                                                       {"davis", true, named<functions::Davis>},
+                                                       {"logistic", false, named<functions::Logistic>},
+                                                       {"absolute", false, named<functions::Absolute>},
+                                                       {"positive-part", false, named<functions::PositivePart>}}};
+
+// "log", or "power:1.5".
+NamedFunction function_of(const std::string& text) {
+  const std::size_t colon = std::min(text.find(':'), text.size());
+  const std::string name = text.substr(0, colon);
+  std::vector<std::string_view> names;
+  for (const FunctionName& f : function_names) {
+    names.push_back(f.name);
+    if (f.name != name) continue;
+    if (f.takes_parameter != (colon < text.size())) {
+      throw std::invalid_argument(
+          "g = '" + text + "' (" +
+          (f.takes_parameter ? "needs its parameter); write " + name + ":1.5" : "takes no parameter); write " + name));
+    }
+    return f.make(f.takes_parameter ? parse_double(text.substr(colon + 1), "g") : 0.0);
+  }
+  std::string all;
+  for (const std::string_view n : names) all += (all.empty() ? "" : ", ") + std::string(n);
+  throw std::invalid_argument("g = '" + text +
+                              "' (not a function that has a form without cancellation); it is one of " + all +
+                              suggestion(name, names) + ". For another one write the levels yourself");
+}
+
+/// An integrand that Python evaluates: at a number, or at a draw from the unit cube.
+struct Integrand {
+  std::shared_ptr<Lookups> lookups;
+
+  double operator()(double x) const {
+    if (!lookups->rehearsing()) return lookups->next(0).front();
+    lookups->ask(0).front() = x;
+    return 0;
+  }
+  double operator()(Stream& rng) const {
+    if (!lookups->rehearsing()) return lookups->next(0).front();
+    rng.fill(lookups->ask(0));
+    return 0;
+  }
+};
+
+/// The same as a random variable only.
+struct CubeDraw {
+  Integrand f;
+  double operator()(Stream& rng) const { return f(rng); }
+};
+
+Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance) ? usual : rates; }
+
+}  // namespace
+
+UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components) {
+  if (components == 0) return make_problem(facts, Levels<double>{lookups, 1}, lookups);
+  UserProblem user = make_problem(facts, Levels<Eigen::ArrayXd>{lookups, components}, lookups);
+  user.components = components;
+  return user;
+}
+
+UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, const std::string& g,
+                         const std::string& points, double from, double to) {
+  const NamedFunction function = function_of(g);
+  const Integrand f{lookups};
+  Facts known = facts;
+  if (points == "comb") {
+    known.rates = or_default(facts.rates, IntegralOptions{}.rates);
+    return make_problem(known, function_of_integral(f, function, {from, to, known.rates}), lookups);
+  }
+  if (points == "jittered") {
+    known.rates = or_default(facts.rates, JitteredOptions{}.rates);
+    return make_problem(known, function_of_jittered_integral(f, function, {from, to, known.rates}), lookups);
+  }
+  constexpr std::array<std::string_view, 3> names = {"independent", "comb", "jittered"};
+  if (points != names[0]) {
+    throw std::invalid_argument("points = '" + points + "' (must be independent, comb or jittered)" +
+                                suggestion(points, names));
+  }
+  known.rates = or_default(facts.rates, {2, 1});
+  return make_problem(known, function_of_mean(CubeDraw{f}, function, known.rates), lookups);
+}
+
+}  // namespace debias::python

@@ -1,0 +1,446 @@
+"""The Python package: the bits of the program and of C++, and one clear exception for each kind of bad input.
+
+    PYTHONPATH=BUILD/python DEBIAS_PROGRAM=BUILD/bin/debias DEBIAS_SAME_BITS=BUILD/bin/debias_same_bits \
+        /usr/bin/python3 tests/python/debias_test.py
+"""
+
+import contextlib
+import gc
+import io
+import json
+import math
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+import warnings
+import weakref
+from pathlib import Path
+
+import numpy as np
+
+import debias
+
+PROGRAM = os.environ["DEBIAS_PROGRAM"]
+SAME_BITS = os.environ["DEBIAS_SAME_BITS"]
+LAW = "geometric:r=0.6"
+
+
+def program(*arguments):
+    done = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True)
+    return done.stdout
+
+
+def sums(u):
+    """Over the even and over the odd columns, in the order of a loop."""
+    halves = np.zeros((2, len(u)))
+    for i in range(u.shape[1]):
+        halves[i % 2] += u[:, i]
+    return halves
+
+
+def powers(value):
+    def differences(level, u):
+        even, odd = sums(u)
+        n = u.shape[1]
+        if level == 0:
+            return value(even)
+        return value((even + odd) / n), (value(2 * even / n) + value(2 * odd / n)) * 0.5
+
+    return differences
+
+
+def square(m):
+    return m * m
+
+
+SCALAR = debias.levels(powers(square), dimension=lambda k: 2**k, rates=(2, 1), truth=0.25)
+VECTOR = debias.levels(powers(lambda m: np.stack((m * m, m * m * m), axis=1)), dimension=lambda k: 2**k,
+                       rates=(2, 1), components=2)
+
+
+class SameBits(unittest.TestCase):
+    def same_json(self, a, b):
+        for data in (a, b):
+            for key in ("seconds", "efficiency", "file"):
+                data.pop(key, None)
+            for row in data.get("levels", []):
+                row.pop("seconds", None)
+            for row in data.get("points", []):
+                row.pop("efficiency", None)
+        self.assertEqual(a, b)
+
+    def test_program(self):
+        for name, options in (("A10", {}), ("european-call", {"law": "geometric:r=0.7", "threads": 3}),
+                              ("A10", {"law": "auto", "seed": 5}), ("furnace", {"estimator": "roulette"}),
+                              ("B14", {"estimator": "reciprocal_trials"}), ("A01", {"error": 0.01, "base_level": 1})):
+            if "error" not in options:
+                options["samples"] = 20000
+            words = [w for k, v in options.items() for w in ("--" + k.replace("_", "-"), str(v))]
+            with self.subTest(name, **options), warnings.catch_warnings():
+                warnings.simplefilter("ignore", debias.DebiasWarning)
+                result = debias.estimate(name, **options)
+                self.same_json(result.to_dict(), json.loads(program("run", name, *words, "--json")))
+
+                def steady(text):  # without times
+                    times = ("seconds", "efficiency", "pilot")
+                    return [line for line in text.splitlines() if not line.startswith(times)]
+
+                self.assertEqual(steady(str(result)), steady(program("run", name, *words)))
+
+    def test_other_commands(self):
+        self.same_json(debias.survey("A10", levels=6, samples=2000).to_dict(),
+                       json.loads(program("survey", "A10", "--levels", "6", "--samples", "2000", "--json")))
+        self.same_json(debias.tradeoff("A10", points=3, samples=5000).to_dict(),
+                       json.loads(program("tradeoff", "A10", "--points", "3", "--samples", "5000", "--json")))
+        self.assertEqual(str(debias.replay("A10", 77, seed=3)),
+                         program("replay", "A10", "--seed", "3", "--sample", "77").rstrip("\n"))
+        self.same_json(debias.estimate("A10", estimator="multilevel", error=0.01).to_dict(),
+                       json.loads(program("run", "A10", "--estimator", "multilevel", "--error", "0.01", "--json")))
+        values = debias.samples("furnace", 20000, estimator="roulette", law="geometric:r=0.5")
+        out = subprocess.run([PROGRAM, "diagnose", "-", "--format", "f64", "--json"], input=values.tobytes(),
+                             capture_output=True).stdout
+        self.same_json(debias.diagnose(values).to_dict(), json.loads(out))
+
+    def test_cpp(self):
+        expected = {}
+        for line in subprocess.run([SAME_BITS], capture_output=True, text=True, check=True).stdout.splitlines():
+            name, *numbers = line.split()
+            expected[name] = [float(x) for x in numbers]
+        plan = {"samples": 30000, "seed": 11}
+        mean = debias.function_of_mean(lambda x: 1 + x[:, 0] * x[:, 0], "reciprocal")
+        comb = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "log")
+        jittered = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "power:1.5", points="jittered")
+        blocks = {**plan, "samples": 30000 // 8 * 8}
+        runs = {"scalar": (SCALAR, {**plan, "law": LAW}),
+                "drawn": (SCALAR, {**plan, "law": LAW, "estimator": "single_term_drawn", "base_level": 1}),
+                "sum": (SCALAR, {**plan, "law": LAW, "estimator": "independent_sum"}),
+                "block": (SCALAR, {**plan, "law": LAW, "block": 8}),
+                "vector": (VECTOR, {**plan, "law": LAW}),
+                "mean": (mean, {**plan, "law": LAW}),
+                "comb": (comb, {**plan, "law": "geometric:r=0.8"}),
+                "jittered": (jittered, {**plan, "law": "geometric:r=0.8"}),
+                "recipe": (SCALAR, {**plan, "law": "auto"})}
+        self.assertEqual(set(runs) | {"sample"}, set(expected))
+        for name, (problem, options) in runs.items():
+            with self.subTest(name), warnings.catch_warnings():
+                warnings.simplefilter("ignore", debias.DebiasWarning)
+                r = debias.estimate(problem, **options)
+                got = [x for pair in zip(np.atleast_1d(r.mean), np.atleast_1d(r.standard_error)) for x in pair]
+                self.assertEqual(got + [r.work], expected[name])
+        self.assertEqual(debias.replay(SCALAR, 12345, seed=11, law=LAW)["value"], expected["sample"][0])
+
+    def test_samples_are_those_of_the_run(self):
+        for problem in ("A10", SCALAR, VECTOR):
+            values = debias.samples(problem, 5000, seed=4, law=LAW)
+            result = debias.estimate(problem, samples=5000, seed=4, law=LAW)
+            np.testing.assert_allclose(values.mean(axis=0), result.mean, rtol=1e-12)
+            part = debias.samples(problem, 10, seed=4, first=4990, law=LAW)
+            np.testing.assert_array_equal(values[-10:], part)
+        replayed = debias.replay("A10", int(result.largest["index"][0]), seed=4, law=LAW)["value"]
+        self.assertEqual(debias.samples("A10", 1, seed=4, first=int(result.largest["index"][0]), law=LAW)[0], replayed)
+
+    def test_readme(self):
+        readme = (Path(__file__).parents[2] / "README.md").read_text()
+        code = re.search(r"```python\n(.*?)```", readme, re.DOTALL).group(1)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(code, {})
+        shown = re.search(r"^mean +([0-9.]+)\(", readme, re.MULTILINE).group(1)  # by the program of C++
+        self.assertEqual(f"{float(printed.getvalue().splitlines()[-1]):.5f}", shown)
+
+    def test_normal_quantile(self):
+        u = np.array([1e-300, 0.025, 0.5, 0.975])
+        np.testing.assert_allclose(debias.normal_quantile(u), [-37.0471, -1.959964, 0, 1.959964], atol=1e-4)
+
+
+class Results(unittest.TestCase):
+    def test_result(self):
+        r = debias.estimate("A10", samples=10000, confidence=0.9)
+        self.assertEqual(pickle.loads(pickle.dumps(r)), r)
+        self.assertIn("<td>mean</td>", r._repr_html_())
+        self.assertLess(r.confidence_interval.low, r.mean)
+        self.assertEqual(json.loads(r.to_json()), r.to_dict())
+        self.assertEqual(r.levels.dtype["level"], np.int64)
+        self.assertEqual(r.levels["count"].sum() if not r.levels["is_base"].any() else r.samples, r.samples)
+        self.assertEqual((r.verdict, r.seed, r.samples), ("finite", 1, 10000))
+        self.assertIsInstance(r.levels["probability"][-1], float)
+
+    def test_vector(self):
+        r = debias.estimate(VECTOR, samples=20000, law=LAW)
+        self.assertEqual(r.mean.shape, (2,))
+        self.assertTrue((abs(r.mean - [1 / 4, 1 / 8]) < 4.5 * r.standard_error).all())
+        self.assertTrue((r.confidence_interval.low < r.confidence_interval.high).all())
+
+    def test_warnings(self):
+        with self.assertWarns(debias.InfiniteVarianceWarning):
+            debias.estimate("furnace", estimator="roulette", law="geometric:r=0.5", samples=1e5)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", debias.DebiasWarning)
+            with self.assertRaises(debias.InfiniteVarianceWarning):
+                debias.estimate("furnace", estimator="roulette", law="geometric:r=0.5", samples=1e5)
+            debias.estimate("A10", samples=1e5)
+
+    def test_diagnose_takes_any_array(self):
+        values = debias.samples("A10", 4000)
+        expected = debias.diagnose(values)["mean"]
+        self.assertEqual(debias.diagnose(np.repeat(values, 3)[::3])["mean"], expected)
+        self.assertEqual(debias.diagnose(values.reshape(40, 100))["mean"], expected)
+        self.assertEqual(debias.diagnose(np.array([1, 2, 3]))["mean"], 2)
+        self.assertEqual(debias.diagnose(np.float32([1, 2, 3]))["values"], 3)
+        self.assertEqual(debias.diagnose([1.0, np.nan]).verdict, "unknown")
+        self.assertTrue(math.isnan(debias.diagnose([1.0, np.nan]).mean))
+
+    def test_progress(self):
+        seen = []
+        debias.estimate("E05", samples=3e5, progress=lambda done, total: seen.append((done, total)))
+        self.assertTrue(seen and seen[-1][1] == 3e5, seen)
+        debias.estimate("A10", samples=1000, progress=True)
+
+
+class OwnProblems(unittest.TestCase):
+    def test_reciprocal_of_integral(self):
+        own = debias.function_of_integral(lambda x: 4 * (1 + np.sin(2 * np.pi * x[:, 0])), "reciprocal", lowest_base=1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", debias.DebiasWarning)
+            r = debias.estimate(own, samples=1 << 16, law="geometric:r=0.8")
+        self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error + 1e-12)
+
+    def test_sde(self):
+        def differences(level, u):  # Milstein paths of a stock, 2^level steps
+            def end(dw, h):
+                x = np.full(len(dw), 100.0)
+                for w in dw.T:
+                    x = x + 0.05 * x * h + 0.2 * x * w + 0.02 * x * (w * w - h)
+                return x
+
+            h = 1 / u.shape[1]
+            dw = debias.normal_quantile(u) * np.sqrt(h)
+            fine = end(dw, h)
+            return fine if level == 0 else (fine, end(dw[:, ::2] + dw[:, 1::2], 2 * h))
+
+        own = debias.levels(differences, dimension=lambda k: 2**k, rates=(2, 1))
+        r = debias.estimate(own, samples=1 << 16)
+        c = debias.estimate("mean-of-gbm", samples=1 << 16)
+        self.assertLess(abs(r.mean - c["truth"]), 4.5 * r.standard_error)
+        self.assertAlmostEqual(r.mean, c.mean, delta=1e-10)  # the same draws, in other operations
+        self.assertEqual(debias.survey(own, levels=4, samples=2000)["law_exists"], "yes")
+
+    def test_block_by_block(self):
+        calls = []
+
+        def differences(level, u):
+            calls.append((level, len(u)))
+            return powers(square)(level, u)
+
+        own = debias.levels(differences, dimension=lambda k: 2**k, rates=(2, 1))
+        debias.estimate(own, samples=1 << 15, law=LAW)
+        self.assertLessEqual(len(calls), 20)  # one block
+        self.assertEqual(sum(n for level, n in calls if level > 0), 1 << 15)
+
+    def test_recipe_and_law(self):
+        without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
+        r = debias.estimate(without_rates, samples=1 << 16)
+        self.assertIsNotNone(r["recipe"])
+        self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error)
+        self.assertEqual(debias.recipe(without_rates)["law_exists"], "yes")
+        alone = debias.levels(lambda k, u: powers(square)(k, u) if k == 0 else
+                              np.subtract(*powers(square)(k, u)), dimension=lambda k: 2**k, rates=(2, 1))
+        self.assertEqual(debias.estimate(alone, samples=10000, law=LAW).mean,
+                         debias.estimate(SCALAR, samples=10000, law=LAW).mean)
+        with self.assertRaisesRegex(ValueError, r"return \(fine, coarse\)"):
+            debias.survey(alone)
+
+
+class Plots(unittest.TestCase):
+    def test_each_takes_and_returns_axes(self):
+        try:
+            import matplotlib
+        except ImportError:
+            self.skipTest("no matplotlib")
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+
+        import debias.plot as plot
+
+        values = debias.samples("A10", 3000)
+        runs = {"a": [debias.estimate("A10", samples=n) for n in (1000, 4000)], "b": [(1, 0.1), (2, 0.07)]}
+        image = np.ones((4, 5))
+        _, axes = plt.subplots(2, 3)
+        for ax, draw in zip(axes.flat, (
+                lambda ax: plot.running_mean(values, truth=1, ax=ax),
+                lambda ax: plot.running_mean(debias.diagnose(values), ax=ax),
+                lambda ax: plot.tradeoff(debias.tradeoff("A10", points=3, samples=2000), ax=ax),
+                lambda ax: plot.speed_against_error(runs, ax=ax),
+                lambda ax: plot.tail(values, ax=ax),
+                lambda ax: plot.error_map(image + 0.1, image, standard_error=0 * image, ax=ax))):
+            self.assertIs(draw(ax), ax)
+            self.assertTrue(ax.get_xlabel() and ax.get_ylabel())
+        for problem in ("D03", "A10"):  # polynomial and geometric
+            self.assertEqual(plot.survey(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
+        plot.tail(np.ones(100))  # no tail at all
+        plt.gcf().canvas.draw()
+        plt.close("all")
+
+
+class BadInput(unittest.TestCase):
+    def raises(self, kind, pattern, f, *arguments, **options):
+        with self.subTest(pattern), self.assertRaisesRegex(kind, pattern):
+            f(*arguments, **options)
+
+    def test_arguments(self):
+        e = debias.estimate
+        self.raises(ValueError, "is not a problem.*did you mean", e, "A1O")
+        self.raises(TypeError, "problem: int", e, 7)
+        self.raises(TypeError, "samples: list", e, "A10", samples=[1])
+        self.raises(TypeError, "samples: bool", e, "A10", samples=True)
+        self.raises(TypeError, "positional", e, "A10", 1000)
+        self.raises(ValueError, "samples = '-1'", e, "A10", samples=-1)
+        self.raises(ValueError, "samples", e, "A10", samples=2.5)
+        self.raises(ValueError, "samples", e, "A10", samples=10**30)
+        self.raises(ValueError, "error", e, "A10", error=float("nan"))
+        self.raises(ValueError, "^error, relative_error, time: more than one", e, "A10", error=1, time=1)
+        self.raises(ValueError, "seed", e, "A10", seed=-3)
+        self.raises(ValueError, "law.*did you mean", e, "A10", law="geometrc:r=0.5")
+        self.raises(ValueError, "base_level", e, "A10", base_level="x")
+        self.raises(ValueError, "no law|law", e, "gbm-by-euler", law="auto")
+        self.raises(TypeError, "progress", e, "A10", progress=3)
+        self.raises(ValueError, "n = 0", debias.samples, "A10", 0)
+        self.raises(TypeError, "n: float", debias.samples, "A10", 10.0)
+        self.raises(TypeError, "seed", debias.replay, "A10", 3)
+        self.raises(TypeError, "complex", debias.diagnose, np.array([1j]))
+        self.raises(ValueError, "no value", debias.diagnose, [])
+        self.raises(TypeError, "U1|object", debias.diagnose, ["a"])
+
+    def test_own_problems(self):
+        def run(f, **options):
+            debias.estimate(debias.levels(f, **{"dimension": 1, "rates": (2, 1), **options}), samples=5000, law=LAW)
+
+        def mean(f, g="log", **options):
+            debias.estimate(debias.function_of_mean(f, g, **options), samples=5000)
+
+        self.raises(ValueError, r"returned shape \(3,\) at level", run, lambda k, u: np.zeros(3))
+        self.raises(ValueError, r"returned shape \(\d+, 1\)", run, lambda k, u: u)
+        self.raises(ValueError, r"returned shape", run, lambda k, u: u[:, 0], components=2)
+        self.raises(TypeError, "returned NoneType", run, lambda k, u: None)
+        self.raises(TypeError, "returned complex128", run, lambda k, u: u[:, 0] * 1j)
+        self.raises(ValueError, "a tuple of 3", run, lambda k, u: u[:, 0] if k == 0 else (u[:, 0],) * 3)
+        self.raises(ValueError, "tuple at level 0", run, lambda k, u: (u[:, 0], u[:, 0]))
+        self.raises(ValueError, "returned nan at level", run, lambda k, u: np.where(u[:, 0] < 0.1, np.nan, 1))
+        self.raises(ValueError, "returned inf", mean, lambda x: np.full(len(x), np.inf))
+        self.raises(ValueError, r"integrand: returned shape \(\)", mean, lambda x: 1.0)
+        self.raises(ZeroDivisionError, "division", run, lambda k, u: 1 / 0)
+        self.raises(TypeError, "positional", run, lambda k: 1)
+        self.raises(ValueError, "dimension = 0", run, powers(square), dimension=0)
+        self.raises(TypeError, "dimension: str", run, powers(square), dimension=lambda k: "2")
+        self.raises(ValueError, "work = -1", run, powers(square), work=-1)
+        self.raises(ValueError, r"2\^24 uniforms", run, lambda k, u: u[:, 0], dimension=lambda k: 10**30)
+        self.raises(ValueError, "rates", run, powers(square), rates=(-1, 1))
+        self.raises(ValueError, "g = 'logarithm'.*it is one of exp", mean, square, "logarithm")
+        self.raises(ValueError, "g = 'power'.*parameter", mean, square, "power")
+        self.raises(TypeError, "integrand: int", mean, 3)
+        self.raises(TypeError, "differences: str", run, "f")
+        self.raises(ValueError, "points", debias.function_of_integral, square, "log", points="combs")
+        self.raises(TypeError, "interval: 3", debias.function_of_integral, square, "log", interval=3)
+        unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
+        self.raises(ValueError, "law: none", debias.samples, unrated, 10)
+        self.raises(ValueError, "law: none", debias.estimate, unrated, estimator="independent_sum")
+        multilevel = debias.estimate(SCALAR, estimator="multilevel", error=0.1)
+        self.raises(AttributeError, "multilevel", lambda: multilevel.largest)
+        self.raises(ValueError, "does not apply", debias.estimate, SCALAR, estimator="roulette")
+
+    def test_exceptions_are_the_users_own_and_nothing_leaks(self):
+        class Own(Exception):
+            pass
+
+        class Marker:
+            pass
+
+        def once():
+            marker = Marker()
+
+            def differences(level, u):
+                if level == 3:
+                    raise Own(marker)
+                return np.zeros(len(u))
+
+            problem = debias.levels(differences, dimension=1, rates=(2, 1))
+            try:
+                debias.estimate(problem, samples=5000, law=LAW)
+            except Own as e:
+                self.assertIs(e.args[0], marker)
+                if sys.version_info >= (3, 11):
+                    self.assertIn("seed 1, sample 0", e.__notes__[0])
+                return weakref.ref(marker)
+            self.fail("nothing raised")
+
+        gone = once()
+        gc.collect()
+        self.assertIsNone(gone())
+        self.assertEqual(debias.estimate(SCALAR, samples=1000, law=LAW).samples, 1000)  # and the next run works
+
+    def test_a_problem_runs_once_at_a_time(self):
+        own = []
+
+        def differences(level, u):
+            debias.estimate(own[0], samples=10)
+            return u[:, 0]
+
+        own.append(debias.levels(differences, dimension=1, rates=(2, 1)))
+        self.raises(ValueError, "in use by another run", debias.estimate, own[0], samples=10)
+
+    def test_a_callback_may_estimate(self):
+        inner = debias.function_of_mean(lambda x: x[:, 0], "square")
+
+        def differences(level, u):
+            return np.full(len(u), debias.estimate(inner, samples=100).mean if level == 0 else 0.0)
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", debias.DebiasWarning)
+            debias.estimate(debias.levels(differences, dimension=1, rates=(2, 1)), samples=100, law=LAW)
+
+
+class Interrupts(unittest.TestCase):
+    def setUp(self):
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
+
+    def seconds_to_interrupt(self, f):
+        timer = threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT))
+        timer.start()
+        start = time.perf_counter()
+        with self.assertRaises(KeyboardInterrupt):
+            f()
+            time.sleep(1)
+        timer.join()
+        return time.perf_counter() - start - 0.4
+
+    def test_within_half_a_second(self):
+        slow = debias.levels(powers(square), dimension=lambda k: 2**k, rates=(2, 1))
+        for name, f in {"catalogue": lambda: debias.estimate("E05", samples=1e9),
+                        "samples": lambda: debias.samples("E05", 10**7),
+                        "survey": lambda: debias.survey("E05", levels=8, samples=1e8),
+                        "own": lambda: debias.estimate(slow, samples=1e9)}.items():
+            with self.subTest(name):
+                self.assertLess(self.seconds_to_interrupt(f), 0.5)
+
+    def test_deep_in_a_level(self):
+        # A level of 2^40 draws takes hours and looks at nothing: the thread is left behind, and the program ends.
+        script = ("import debias, os, signal, threading, time\n"
+                  "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+                  "threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
+                  "start = time.perf_counter()\n"
+                  "try: debias.estimate('A10', estimator='truncated', base_level=40, samples=100)\n"
+                  "except KeyboardInterrupt: print(time.perf_counter() - start - 0.4)\n")
+        start = time.perf_counter()
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertLess(float(done.stdout), 0.5)
+        self.assertLess(time.perf_counter() - start, 10)
+
+
+if __name__ == "__main__":
+    unittest.main()
