@@ -49,6 +49,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     return draw_sample(estimator, rng, record);
   };
   Plan fixed = plan;
+  if constexpr (Rehearses<E>) fixed.threads = 1;
   std::int64_t rehearsed = plan.first;
   const auto rehearse = [&](std::int64_t first, std::int64_t last) {
     if constexpr (Rehearses<E>) {
@@ -59,18 +60,20 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     }
   };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    if (pilot) {
-      rehearse(first, last);
-    } else if (first >= rehearsed) {  // some chunks at once
-      rehearsed = std::min(first + 16 * RunState::chunk_size, fixed.first + fixed.samples);
-      rehearse(first, rehearsed);
+    if constexpr (Rehearses<E>) {
+      if (pilot) {
+        rehearse(first, last);
+      } else if (first >= rehearsed) {  // some chunks at once
+        rehearsed = std::min(first + 16 * RunState::chunk_size, fixed.first + fixed.samples);
+        rehearse(first, rehearsed);
+      }
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   };
   double pilot_seconds = 0;
   if (plan.goal.asked()) {
     pilot = true;
-    fixed = detail::plan_for_goal(plan, body, pilot_seconds);
+    fixed = detail::plan_for_goal(fixed, body, pilot_seconds);
     pilot = false;
   }
   Statistics statistics = detail::run(fixed, description(estimator), body);
