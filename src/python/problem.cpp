@@ -42,8 +42,7 @@ struct Gathered {
 };
 
 template <Estimator E>
-auto gathered_run(const E& e, Lookups& lookups, Plan plan) {
-  plan.threads = 1;  // Python answers on the thread that asks
+auto gathered_run(const E& e, Lookups& lookups, const Plan& plan) {
   return estimate(Gathered<E>{e, &lookups}, plan);
 }
 

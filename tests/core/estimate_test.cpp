@@ -5,6 +5,7 @@
 #include <cmath>
 #include <complex>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
@@ -55,6 +56,28 @@ struct NoisyHalves {
 
 const auto debiased = single_term(squared_mean, Geometric(0.6));
 
+/// The same, made in the rehearsal and only handed out in the run.
+struct Rehearsed {
+  struct Memory {
+    std::vector<Sample<double>> samples;
+    std::size_t next = 0;
+    bool rehearsing = false;
+  };
+  Memory* memory;
+
+  Sample<double> operator()(Stream& rng) const {
+    if (!memory->rehearsing) return memory->samples.at(memory->next++);
+    NullRecord record;
+    memory->samples.push_back(debiased(rng, record));
+    return {};
+  }
+  void rehearse(const std::function<void()>& draws) const {
+    *memory = {.samples = {}, .next = 0, .rehearsing = true};
+    draws();
+    memory->rehearsing = false;
+  }
+};
+
 template <class E>
 auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threads = 2,
          std::uint64_t seed = 7) {
@@ -64,6 +87,23 @@ auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threa
 }  // namespace
 
 // ---- equal bits
+
+TEST_CASE("an estimator that rehearses sees each draw before it counts, in order", "[core][estimate][exact]") {
+  Rehearsed::Memory memory;
+  const auto silent = [](Stream& rng) {
+    NullRecord record;
+    return debiased(rng, record);
+  };
+  for (const Plan& plan : {Plan{.samples = 10, .seed = 7, .first = 5, .threads = 1},
+                           Plan{.samples = 100'000, .seed = 7, .first = 4095, .threads = 1},
+                           Plan{.seed = 7, .threads = 1, .goal = {.error = 0.02}}}) {
+    CAPTURE(plan.samples);
+    const auto expected = estimate(silent, plan);
+    const auto rehearsed = estimate(Rehearsed{&memory}, plan);
+    CHECK(bits_of(rehearsed) == bits_of(expected));
+    CHECK(memory.next == memory.samples.size());
+  }
+}
 
 TEST_CASE("the whole state has the same bits on 1, 2, 3, 7 and 64 threads", "[core][estimate][exact]") {
   for (const std::int64_t n : {1000, 4096, 4097, 100'000}) {

@@ -63,8 +63,9 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     if constexpr (Rehearses<E>) {
       if (pilot) {
         rehearse(first, last);
-      } else if (first >= rehearsed) {  // some chunks at once
-        rehearsed = std::min(first + 16 * RunState::chunk_size, fixed.first + fixed.samples);
+      } else if (first >= rehearsed) {  // some whole chunks at once
+        constexpr std::int64_t size = 16 * RunState::chunk_size;
+        rehearsed = std::min((first / size + 1) * size, fixed.first + fixed.samples);
         rehearse(first, rehearsed);
       }
     }

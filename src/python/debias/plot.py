@@ -249,7 +249,8 @@ def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: 
     shown = ax.imshow(error, cmap="PuOr_r", vmin=-(limit or 1.0), vmax=limit or 1.0, interpolation="nearest")
     label = f"error ({unit})" if standard_error is None else "error (standard errors)"
     ax.figure.colorbar(shown, ax=ax, label=label, extend="both", shrink=0.85)
-    ax.set_title(title or f"error, root mean square {np.sqrt(np.mean(finite**2)):.3g}", fontsize="medium")
+    size = np.sqrt(np.sum(finite**2) / max(finite.size, 1))
+    ax.set_title(title or f"error, root mean square {size:.3g}", fontsize="medium")
     ax.set_xlabel("column (pixels)")
     ax.set_ylabel("row (pixels)")
     return ax
