@@ -38,3 +38,4 @@
 #include <debias/steady_state.hpp>
 #include <debias/survey.hpp>
 #include <debias/taylor.hpp>
+#include <debias/transmittance.hpp>
