@@ -2,8 +2,8 @@
 
 // Transmittance along a ray: g(tau), tau = integral of the extinction mu over [0, length]; g = exp(-tau) unless said.
 //   name                     needs               look-ups                       what breaks it
-//   delta_tracking           mu <= majorant      at most tau_m                  mu > majorant: throws; 0 or 1, never between
-//   ratio_tracking           majorant            tau_m                          * variance / T^2 = exp(E X^2 / tau_m) - 1
+//   delta_tracking           mu <= majorant      at most tau_m                  mu > majorant: throws; only 0 or 1
+//   ratio_tracking           majorant            tau_m                          * variance T^2 (exp(E X^2 / tau_m) - 1)
 //   residual_ratio_tracking  both bounds         (majorant - minorant) length   * a control far from mu
 //   next_flight              majorant            tau_m                          *
 //   p_series_cumulative      majorant            1 to 2 tau_m + 2               * throws for tau_m > 700
@@ -11,7 +11,7 @@
 //   u_statistics             points of a comb    1.32 combs                     combs that differ by more than 1
 //   telescoping, any g       nothing             2^(m + 1) r / (2 r - 1)        combs of 2^m points that differ by more
 //   ray_marching, any g      nothing             2^level                        everything: biased; also with jitter
-// tau_m = majorant length, X = mu(U) length, m = base level. *: unbiased with mu > majorant, with a variance that grows.
+// tau_m = majorant length, X = mu(U) length, m = base level. *: with mu > majorant unbiased, but far noisier.
 // Davis and power laws: telescoping, u_statistics with a Geometric order, or davis_mixture of any row. Sources: Cramer
 // 1978 (next flight), Novak et al. 2014 (residual), Georgiev et al. 2019, Kettunen et al. 2021, Misso et al. 2022.
 
