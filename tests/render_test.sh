@@ -65,6 +65,12 @@ refused 2 "32 bytes" transmittance --volume v.raw --dims 2x2x3 -o x.png
 refused 2 "nothing to see" transmittance --volume v.raw --dims 2x2x2 -o x.png
 printf '\000\000\200\277' > v.raw  # -1
 refused 2 "number 0 is -1" transmittance --volume v.raw --dims 1x1x1 -o x.png
+refused 2 "output" photons
+refused 2 "did you mean 'balanced'" photons --estimator balancd -o x.png
+refused 2 "E|Z| is infinite.*--allow-infinite-mean" photons --estimator alpha -o x.png
+refused 2 "--photons = '0'" photons --photons 0 -o x.png
+refused 2 "did you mean 'sphere'" photons --scene spere -o x.png
+refused 2 "'--spp'" photons --spp 4 -o x.png
 
 # ---- images
 rendered transmittance --size 32x24 --spp 8 -o image.png --threads 1
@@ -84,19 +90,33 @@ check "a constant cloud has no noise" eval '"$debias" render transmittance --vol
 rendered transmittance --size 32x32 --compare --equal-time 0.02s -o folder
 check "a folder of all estimators" [ "$(ls folder/*.pfm | wc -l)" -eq 14 ]
 check "and their index" has '"scene": "transmittance"' folder/index.json
+for estimator in balanced progressive; do
+  rendered photons --estimator $estimator --size 32x32 --photons 1e5 --threads 1 -o photons.png
+  check "a PNG of photons" has PNG photons.png
+  rendered photons --estimator $estimator --size 32x32 --photons 1e5 --threads 3 -o again.pfm
+  check "the same photons on 1 and 3 threads" cmp -s photons.pfm again.pfm
+done
+check "the verdict is printed" eval '"$debias" render photons --size 16x16 --photons 1e4 -o x.pfm |
+  grep -q "^balanced  *variance INFINITE"'
+rendered photons --scene direct --size 32x32 --photons 1e5 --compare --allow-infinite-mean -o lamp
+check "a folder of all estimators of photons" [ "$(ls lamp/*.pfm | wc -l)" -eq 7 ]
+check "and their errors against photons" [ "$(lines lamp/curves.csv)" -eq 25 ]
 
 # ---- an interrupt leaves what there is
-"$debias" render transmittance --spp 100000000 -o part.png > out 2> err &
-process=$!
-sleep 1
-kill -INT $process 2> /dev/null
-wait $process
-check "exit code of an interrupted image" same $? 130
-check "an interrupted image is there" has PNG part.png
-check "and says so" has 'interrupted; what there is of the image is written' err
+for scene in 'transmittance --spp 100000000' 'photons --photons 1e12'; do
+  "$debias" render $scene --size 128x128 -o part.png > out 2> err &
+  process=$!
+  sleep 2
+  kill -INT $process 2> /dev/null
+  wait $process
+  check "exit code of an interrupted image: $scene" same $? 130
+  check "an interrupted image is there: $scene" has PNG part.png
+  check "and says so: $scene" has 'interrupted; what there is of the image is written' err
+done
 
 if command -v python3 > /dev/null && python3 -c '' 2> /dev/null; then
   check "valid JSON" python3 -c 'import json, sys; json.load(open("folder/index.json"))'
+  check "valid JSON of photons" python3 -c 'import json, sys; json.load(open("lamp/index.json"))'
 fi
 
 echo "$((checks - failed)) of $checks checks passed"

@@ -44,15 +44,27 @@ concept PhotonSource = requires(const S& s, Stream& rng) {
 
 enum class Kernel { disc, cone, epanechnikov };
 
-/// K(d), per area; 0 from the radius on.
-inline double kernel_at(Kernel kernel, double distance2, double radius2) {
-  if (!(distance2 < radius2)) return 0;
-  const double share = distance2 / radius2;
-  const double shape = kernel == Kernel::disc   ? 1
-                       : kernel == Kernel::cone ? 3 * (1 - std::sqrt(share))
-                                                : 2 * (1 - share);
-  return shape / (std::numbers::pi * radius2);
-}
+/// K(d) of one radius, per area; 0 from the radius on.
+class RadialKernel {
+ public:
+  RadialKernel(Kernel kernel, double radius2)
+      : kernel_(kernel), inverse_(1 / radius2), height_(inverse_ / std::numbers::pi) {}
+  double operator()(double distance2) const {
+    const double share = distance2 * inverse_;
+    if (!(share < 1)) return 0;
+    switch (kernel_) {
+      case Kernel::disc: return height_;
+      case Kernel::cone: return 3 * height_ * (1 - std::sqrt(share));
+      case Kernel::epanechnikov: break;
+    }
+    return 2 * height_ * (1 - share);
+  }
+
+ private:
+  Kernel kernel_;
+  double inverse_;
+  double height_;
+};
 
 namespace detail {
 inline void require_radius(const char* name, double radius, double photons) {
@@ -88,7 +100,7 @@ struct GeometricRadii {
   }
   [[nodiscard]] bool finite_mean() const { return growth > shrink; }  ///< of |Z|
   /// The law with the least theta that leaves the work a mean, and a tail of it that can be waited for.
-  [[nodiscard]] Geometric law() const { return Geometric::with_exponent(std::log2(growth) + 0.1); }
+  [[nodiscard]] Geometric law() const { return Geometric::with_exponent(std::log2(growth) + 0.25); }
   void check() const {
     detail::require_radius("GeometricRadii", radius, photons);
     if (shrink > 1 && growth > 1 && std::isfinite(shrink) && std::isfinite(growth)) return;
@@ -186,17 +198,20 @@ class PhotonLevels {
  private:
   SharedDraw<double> draw(std::int64_t level, std::int64_t base_level, Stream& rng) const {
     const std::int64_t n = schedule_.photons_at(level);
-    const double fine = schedule_.radius2(level);
-    const double coarse = level == 0 ? fine : schedule_.radius2(level - 1);
-    const double base = schedule_.radius2(base_level);
-    const double largest = std::max(coarse, base);
+    const double fine2 = schedule_.radius2(level);
+    const double coarse2 = level == 0 ? fine2 : schedule_.radius2(level - 1);
+    const double base2 = schedule_.radius2(base_level);
+    const double largest = std::max(coarse2, base2);
+    const RadialKernel fine(kernel_, fine2);
+    const RadialKernel coarse(kernel_, coarse2);
+    const RadialKernel base(kernel_, base2);
     double values = 0;
     double differences = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
       if (!(p.distance2 < largest)) continue;
-      values += p.power * kernel_at(kernel_, p.distance2, base);
-      differences += p.power * (kernel_at(kernel_, p.distance2, fine) - kernel_at(kernel_, p.distance2, coarse));
+      values += p.power * base(p.distance2);
+      differences += p.power * (fine(p.distance2) - coarse(p.distance2));
     }
     const auto count = static_cast<double>(n);
     return {values / count, differences / count, count};
@@ -234,12 +249,12 @@ class ProgressivePhotons {
                                 " (must lie in (0, 1]; 2/3 is best, 1 keeps the radius)");
   }
   Sample<double> operator()(Stream& rng) const {
-    const double r2 = radii_.radius2(rng.index());
+    const RadialKernel kernel(radii_.kernel, radii_.radius2(rng.index()));
     const std::int64_t n = detail::whole_photons(radii_.photons);
     double sum = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
-      sum += p.power * kernel_at(radii_.kernel, p.distance2, r2);
+      sum += p.power * kernel(p.distance2);
     }
     const auto count = static_cast<double>(n);
     return {sum / count, count};

@@ -42,12 +42,15 @@ struct Arguments {
   std::string dimensions;
   std::string density = "8";
   std::string exposure = "1";
+  std::string photons = "4e6";
+  std::string scene = "sphere";
   std::string file;
   std::string column;
   std::string format = "text";
   bool json = false;
   bool csv = false;
   bool compare = false;
+  bool allow_infinite_mean = false;
   bool quiet = false;
 };
 

@@ -30,6 +30,7 @@ int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
 int diagnose(const Arguments& arguments);
 int render_transmittance(const Arguments& arguments);
+int render_photons(const Arguments& arguments);
 
 // What a command finds out, for whoever wants to know: the program prints it, Python keeps it.
 
@@ -110,6 +111,7 @@ struct Picture {
   double seconds = 0;
   double mean = 0;   ///< over the image
   double error = 0;  ///< root mean square against the reference, relative to its mean; NaN without one
+  std::string verdict;
 };
 
 /// All that `render` has to say.

@@ -434,6 +434,7 @@ std::string render_json(const Pictures& all) {
                     {all.work_unit, number(p.work)},
                     {"mean", number(p.mean)},
                     {"error", number(p.error)},
+                    {"verdict", p.verdict},
                     {"seconds", p.seconds}});
   }
   Json json = {{"scene", all.scene},   {"width", all.width},       {"height", all.height},

@@ -134,7 +134,7 @@ int dispatch(int argc, char** argv) {
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Command> commands(8);  // options point into it
+  std::vector<Command> commands(9);  // options point into it
   const auto add_to = [&](CLI::App& parent, std::size_t i, const char* name, int (*execute)(const Arguments&),
                           const char* description, const char* examples) -> CLI::App& {
     commands[i].app = parent.add_subcommand(name, description);
@@ -258,6 +258,18 @@ int dispatch(int argc, char** argv) {
   cloud_app.add_option("--density", clouded.density, "Extinction: the largest of the cloud, of a 1 in the volume")
       ->type_name("X");
   add_picture(clouded, cloud_app);
+  CLI::App& photon_app = add_to(render_app, 8, "photons", render_photons,
+                                "A lamp, a glass sphere and a floor: the caustic, from photons in a shrinking radius",
+                                "  debias render photons -o caustic.png\n"
+                                "  debias render photons --estimator progressive --photons 1e7 -o caustic.pfm\n"
+                                "  debias render photons --compare --allow-infinite-mean -o folder");
+  Arguments& lit = commands[8].arguments;
+  photon_app.add_option("--estimator", lit.estimator, "balanced when there is none")->type_name("NAME");
+  photon_app.add_option("--photons", lit.photons, "Expected, of the whole image")->type_name("N");
+  photon_app.add_option("--scene", lit.scene, "sphere, or direct: the lamp alone")->type_name("NAME");
+  photon_app.add_flag("--allow-infinite-mean", lit.allow_infinite_mean,
+                      "Run the alpha schedule, whose mean does not converge");
+  add_picture(lit, photon_app);
 
   for (Command& command : commands) {
     if (command.execute != validate) {

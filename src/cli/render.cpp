@@ -12,6 +12,7 @@
 
 #include "../core/text.hpp"
 #include "../render/image.hpp"
+#include "../render/photons.hpp"
 #include "../render/transmittance.hpp"
 #include "commands.hpp"
 #include "json.hpp"
@@ -70,6 +71,10 @@ class Target {
     Output file(path_ + "/" + name + ".pfm");
     put(file, to_pfm(image));
   }
+  void write_text(const std::string& name, const std::string& text) const {
+    Output file(path_ + "/" + name);
+    put(file, text);
+  }
   void write(const Pictures& pictures) { put(*index_, render_json(pictures) + "\n"); }
 
  private:
@@ -118,10 +123,25 @@ int report(const Arguments& arguments, const Pictures& all) {
     }
     print_table(out.stream(), rows);
   }
+  if (!arguments.json) {
+    for (const Picture& p : all.pictures) {
+      if (!p.verdict.empty()) print_line(out.stream(), p.name, p.verdict);
+    }
+  }
   out.flush();
   if (all.complete) return done;
   complain("interrupted; what there is of the image is written");
   return interrupted_by_signal;
+}
+
+// Of either scene.
+template <class Plan>
+void read_common(const Arguments& arguments, Plan& plan) {
+  const auto size = read_dimensions<2>(arguments.size, "--size");
+  plan.width = size[0];
+  plan.height = size[1];
+  plan.seed = read_seed_or_random(arguments.seed);
+  plan.threads = read_threads(arguments.threads);
 }
 
 render::Cloud read_cloud(const Arguments& arguments) {
@@ -156,11 +176,7 @@ render::Cloud read_cloud(const Arguments& arguments) {
 int render_transmittance(const Arguments& arguments) {
   const render::Cloud cloud = read_cloud(arguments);
   render::RenderPlan plan;
-  const auto size = read_dimensions<2>(arguments.size, "--size");
-  plan.width = size[0];
-  plan.height = size[1];
-  plan.seed = read_seed_or_random(arguments.seed);
-  plan.threads = read_threads(arguments.threads);
+  read_common(arguments, plan);
   plan.samples = static_cast<std::int64_t>(parse_count(arguments.spp, "--spp", 1, 1'000'000'000));
   double equal_time = arguments.equal_time == "none" ? 0 : read_seconds(arguments.equal_time, "--equal-time");
   std::vector<const render::TransmittanceMethod*> methods;
@@ -199,13 +215,81 @@ int render_transmittance(const Arguments& arguments) {
     const render::Rendering r = render::render(cloud, *method, plan);
     const render::Image image = transmittance_of(r, plan);
     arguments.compare ? target.write(name, image) : target.write(composed(background_of(cloud, plan), image));
-    all.pictures.push_back({name, std::string(method->description), method->biased, plan.samples, r.work(), r.seconds,
-                            mean_of(image),
-                            reference ? relative_error(image, *reference) : std::numeric_limits<double>::quiet_NaN()});
+    all.pictures.push_back(
+        {name, std::string(method->description), method->biased, plan.samples, r.work(), r.seconds, mean_of(image),
+         reference ? relative_error(image, *reference) : std::numeric_limits<double>::quiet_NaN(), ""});
   }
   progress.reset();
   all.complete = !interrupted();
   if (arguments.compare) target.write(all);
+  return report(arguments, all);
+}
+
+int render_photons(const Arguments& arguments) {
+  render::PhotonPlan plan;
+  read_common(arguments, plan);
+  plan.photons = static_cast<double>(parse_count(arguments.photons, "--photons", 1, std::uint64_t{1} << 50));
+  static constexpr std::array<std::string_view, 2> scenes = {"sphere", "direct"};
+  if (arguments.scene != scenes[0] && arguments.scene != scenes[1]) {
+    const std::string meant = suggestion(arguments.scene, scenes);
+    throw std::invalid_argument("--scene = '" + arguments.scene + "' (no scene)" +
+                                (meant.empty() ? "; write sphere or direct" : meant));
+  }
+  plan.sphere = arguments.scene == scenes[0];
+  std::vector<const render::PhotonMethod*> methods;
+  if (!arguments.compare) {
+    methods.push_back(&render::photon_method(arguments.estimator.empty() ? "balanced" : arguments.estimator));
+    if (methods[0]->infinite_mean && !arguments.allow_infinite_mean) {
+      throw std::invalid_argument("--estimator = '" + arguments.estimator +
+                                  "' (E|Z| is infinite: its mean does not converge); take balanced, or add "
+                                  "--allow-infinite-mean to see what happens");
+    }
+  } else {
+    if (!arguments.estimator.empty()) {
+      throw std::invalid_argument("--estimator = '" + arguments.estimator + "' (--compare takes all); leave one out");
+    }
+    for (const render::PhotonMethod& m : render::photon_methods()) {
+      if (!m.infinite_mean || arguments.allow_infinite_mean) methods.push_back(&m);
+    }
+  }
+  Target target(arguments, arguments.compare);
+
+  Pictures all{"photons, " + arguments.scene, "photons", plan.width, plan.height, plan.seed, true, {}};
+  std::optional<Progress> progress(arguments.quiet);
+  std::string name = "reference";
+  plan.progress = [&](double share) {
+    if (progress->due() && share > 0) progress->show(name + ": " + share_of(share, 1, progress->seconds()));
+    return !interrupted();
+  };
+  std::optional<render::Image> reference;
+  if (arguments.compare) reference = render::exact_irradiance(plan);
+  std::string curves = "estimator,photons,passes,error\n";
+  if (reference && !interrupted()) target.write(name, *reference);
+  for (const render::PhotonMethod* method : methods) {
+    if (interrupted()) break;
+    name = method->name;
+    progress.emplace(arguments.quiet);
+    // An error against work: of 1/64, 1/16, 1/4 of the photons, and of all.
+    for (double share = arguments.compare ? 1.0 / 64 : 1; share <= 1 && !interrupted(); share *= 4) {
+      render::PhotonPlan part = plan;
+      part.photons = std::ceil(share * plan.photons);
+      const render::PhotonRendering r = render::render(*method, part);
+      const double error = reference ? relative_error(r.image, *reference) : std::numeric_limits<double>::quiet_NaN();
+      if (r.complete) {
+        curves += name + "," + to_text(r.photons) + "," + std::to_string(r.passes) + "," + to_text(error) + "\n";
+      }
+      if (share < 1) continue;
+      arguments.compare ? target.write(name, r.image) : target.write(r.image);
+      all.pictures.push_back({name, std::string(method->description), method->biased, r.passes, r.photons, r.seconds,
+                              mean_of(r.image), error, verdict_of(*method)});
+    }
+  }
+  progress.reset();
+  all.complete = !interrupted();
+  if (arguments.compare) {
+    target.write_text("curves.csv", curves);
+    target.write(all);
+  }
   return report(arguments, all);
 }
 

@@ -22,7 +22,7 @@ def read_pfm(path):
         width, height = map(int, file.readline().split())
         file.readline()
         values = numpy.fromfile(file, "<f4", width * height * channels)
-    return values.reshape(height, width, channels)[::-1].astype(float)
+    return numpy.broadcast_to(values.reshape(height, width, channels)[::-1].astype(float), (height, width, 3))
 
 
 def srgb(linear):
@@ -32,7 +32,8 @@ def srgb(linear):
 
 def error_map(error, scale):
     e = numpy.clip(error / scale, -1, 1)
-    return numpy.concatenate([1 - numpy.maximum(-e, 0), 1 - numpy.abs(e), 1 - numpy.maximum(e, 0)], axis=2)
+    e = e[:, :, 0]
+    return numpy.stack([1 - numpy.maximum(-e, 0), 1 - numpy.abs(e), 1 - numpy.maximum(e, 0)], axis=2)
 
 
 def main(folder, output):
@@ -47,7 +48,7 @@ def main(folder, output):
     x = min(max(x - TILE // 2, 0), max(weight.shape[1] - TILE, 0))
     crop = (slice(y, y + TILE), slice(x, x + TILE))
     background = read_pfm(folder + "/background.pfm") if cloud else numpy.ones(reference.shape)
-    exposure = 1 if cloud else 0.5 / numpy.median(reference)
+    exposure = 1 if cloud else 0.25 / numpy.median(reference)
     scale = 0.1 if cloud else numpy.median(reference)
 
     whole = numpy.uint8(255 * srgb(exposure * reference * background))
@@ -72,7 +73,7 @@ def main(folder, output):
         draw.text(at, title, "black", font[0])
         draw.text((at[0], at[1] + 15), line, "black", font[1])
         for k, picture in enumerate((image, errors)):
-            pixels = numpy.uint8(numpy.round(255 * numpy.broadcast_to(picture, picture.shape[:2] + (3,))))
+            pixels = numpy.uint8(numpy.round(255 * picture))
             sheet.paste(Image.fromarray(pixels), (at[0], at[1] + TEXT + k * (TILE + GAP)))
     sheet.quantize(96, dither=Image.Dither.NONE).save(output, optimize=True)
 
