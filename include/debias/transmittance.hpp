@@ -86,7 +86,8 @@ class DeltaTracking {
   /// Throws std::domain_error where the extinction exceeds its majorant: no probability is above 1.
   Sample<double> operator()(Stream& rng) const {
     double work = 1;
-    for (double t = rng.exponential() / ray_.majorant; t < ray_.length; t += rng.exponential() / ray_.majorant) {
+    const double flight = 1 / ray_.majorant;
+    for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
       const double mu = ray_.extinction(t);
       ++work;
       if (mu > ray_.majorant) refuse(mu);
@@ -113,7 +114,8 @@ class RatioTracking {
   Sample<double> operator()(Stream& rng) const {
     Sample<double> sample{start_, 1};
     if (rate_ == 0) return sample;
-    for (double t = rng.exponential() / rate_; t < ray_.length; t += rng.exponential() / rate_) {
+    const double flight = 1 / rate_;
+    for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
       sample.value *= 1 - (ray_.extinction(t) - control_) / rate_;
       ++sample.work;
       if (sample.value == 0) break;  // nothing can follow
@@ -139,8 +141,8 @@ class NextFlight {
   Sample<double> operator()(Stream& rng) const {
     Sample<double> sample{std::exp(-ray_.majorant * ray_.length), 1};
     double weight = 1;
-    for (double t = rng.exponential() / ray_.majorant; t < ray_.length && weight != 0;
-         t += rng.exponential() / ray_.majorant) {
+    const double flight = 1 / ray_.majorant;
+    for (double t = flight * rng.exponential(); t < ray_.length && weight != 0; t += flight * rng.exponential()) {
       weight *= 1 - ray_.extinction(t) / ray_.majorant;
       sample.value += weight * std::exp(-ray_.majorant * (ray_.length - t));
       ++sample.work;

@@ -216,7 +216,7 @@ int render_transmittance(const Arguments& arguments) {
     const render::Image image = transmittance_of(r, plan);
     arguments.compare ? target.write(name, image) : target.write(composed(background_of(cloud, plan), image));
     all.pictures.push_back(
-        {name, std::string(method->description), method->biased, plan.samples, r.work(), r.seconds, mean_of(image),
+        {name, std::string(method->description), method->biased, plan.samples, r.lookups(), r.seconds, mean_of(image),
          reference ? relative_error(image, *reference) : std::numeric_limits<double>::quiet_NaN(), ""});
   }
   progress.reset();

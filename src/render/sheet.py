@@ -48,7 +48,7 @@ def main(folder, output):
     x = min(max(x - TILE // 2, 0), max(weight.shape[1] - TILE, 0))
     crop = (slice(y, y + TILE), slice(x, x + TILE))
     background = read_pfm(folder + "/background.pfm") if cloud else numpy.ones(reference.shape)
-    exposure = 1 if cloud else 0.25 / numpy.median(reference)
+    exposure = 1 if cloud else 0.15 / numpy.median(reference)
     scale = 0.1 if cloud else numpy.median(reference)
 
     whole = numpy.uint8(255 * srgb(exposure * reference * background))
@@ -57,16 +57,16 @@ def main(folder, output):
     tiles = [("reference", "by quadrature; below, all of it", srgb(exposure * reference * background), whole)]
     for p in index["pictures"]:
         image = read_pfm(folder + "/" + p["name"] + ".pfm")[crop]
-        line = "%serror %.2g, %d x, %.1f s" % (("biased, " if p["biased"] else ""), p["error"], p["samples"],
-                                               p["seconds"])
+        line = "%serror %.2g, " % ("biased, " if p["biased"] else "", p["error"])
+        line += "%d spp, %.1f s" % (p["samples"], p["seconds"]) if cloud else "%.2gM photons" % (p["photons"] / 1e6)
         tiles.append((p["name"], line, srgb(exposure * image * background), error_map(image - reference, scale)))
 
-    columns = min(len(tiles), 5 if len(tiles) != 7 else 4)
+    columns = min(len(tiles), 5 if cloud else 4)
     rows = -(-len(tiles) // columns)
     cell = (TILE + GAP, 2 * TILE + TEXT + 2 * GAP)
     sheet = Image.new("RGB", (columns * cell[0] + GAP, rows * cell[1] + GAP), "white")
     draw = ImageDraw.Draw(sheet)
-    font = [ImageFont.truetype(matplotlib.get_data_path() + "/fonts/ttf/" + name, 11)
+    font = [ImageFont.truetype(matplotlib.get_data_path() + "/fonts/ttf/" + name, 10)
             for name in ("DejaVuSans-Bold.ttf", "DejaVuSans.ttf")]
     for i, (title, line, image, errors) in enumerate(tiles):
         at = (GAP + i % columns * cell[0], GAP + i // columns * cell[1])
@@ -75,6 +75,10 @@ def main(folder, output):
         for k, picture in enumerate((image, errors)):
             pixels = numpy.uint8(numpy.round(255 * picture))
             sheet.paste(Image.fromarray(pixels), (at[0], at[1] + TEXT + k * (TILE + GAP)))
+    at = (GAP + (columns - 1) * cell[0], GAP + (rows - 1) * cell[1])
+    if len(tiles) < columns * rows:
+        draw.text(at, "above the image, below its\nerror: red too high, blue too low,\nwhite right; full colour from\n"
+                  "%s on" % ("0.1 of the light" if cloud else "the median irradiance"), "black", font[1])
     sheet.quantize(96, dither=Image.Dither.NONE).save(output, optimize=True)
 
 

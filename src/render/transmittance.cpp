@@ -17,7 +17,8 @@
 namespace debias::render {
 namespace {
 
-template <auto make>
+// Of the work of a walk or a series, the first unit is no look-up.
+template <auto make, int no_lookups = 0>
 void add_samples(const Ray<Path>& ray, std::uint64_t seed, std::uint64_t pixel, std::uint64_t pixels,
                  std::int64_t first, std::int64_t last, PixelSums& sums) {
   const auto estimator = make(ray);
@@ -27,7 +28,7 @@ void add_samples(const Ray<Path>& ray, std::uint64_t seed, std::uint64_t pixel, 
     const Sample<double> sample = draw_sample(estimator, rng, record);
     sums.sum += sample.value;
     sums.square += sample.value * sample.value;
-    sums.work += sample.work;
+    sums.lookups += sample.work - no_lookups;
   }
   sums.samples += last - first;
 }
@@ -54,15 +55,16 @@ auto residual(const Ray<Path>& ray) {
 constexpr TransmittanceMethod methods[] = {
     {"ray_marching", "g of 4 equidistant points with a random offset", true, add_samples<marching<2>>},
     {"jittered_ray_marching", "g of 4 jittered points", true, add_samples<jittered<2>>},
-    {"delta_tracking", "1 without a real collision, else 0", false, add_samples<delta_tracking<Path>>},
+    {"delta_tracking", "1 without a real collision, else 0", false, add_samples<delta_tracking<Path>, 1>},
     {"ratio_tracking", "weights of null collisions", false,
-     add_samples<static_cast<RatioTracking<Path> (*)(Ray<Path>)>(ratio_tracking<Path>)>},
-    {"residual_ratio_tracking", "ratio tracking of the difference from a control", false, add_samples<residual>},
+     add_samples<static_cast<RatioTracking<Path> (*)(Ray<Path>)>(ratio_tracking<Path>), 1>},
+    {"residual_ratio_tracking", "ratio tracking of the difference from a control", false, add_samples<residual, 1>},
     {"next_flight", "ratio tracking with the flight to the end at each collision", false,
-     add_samples<next_flight<Path>>},
+     add_samples<next_flight<Path>, 1>},
     {"p_series_cumulative", "power series, roulette on the running weight", false,
-     add_samples<p_series_cumulative<Path>>},
-    {"p_series_cmf", "power series, terms to the 99 % quantile, then roulette", false, add_samples<p_series_cmf<Path>>},
+     add_samples<p_series_cumulative<Path>, 1>},
+    {"p_series_cmf", "power series, terms to the 99 % quantile, then roulette", false,
+     add_samples<p_series_cmf<Path>, 1>},
     {"u_statistics", "pivoted power series of combs", false,
      add_samples<static_cast<decltype(u_statistics(std::declval<const Ray<Path>&>())) (*)(const Ray<Path>&)>(
          u_statistics<Path>)>},
@@ -88,9 +90,9 @@ const TransmittanceMethod& transmittance_method(std::string_view name) {
                               (meant.empty() ? "; there are " + all : meant));
 }
 
-double Rendering::work() const {
+double Rendering::lookups() const {
   double total = 0;
-  for (const PixelSums& p : pixels) total += p.work;
+  for (const PixelSums& p : pixels) total += p.lookups;
   return total;
 }
 
@@ -112,7 +114,7 @@ Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const Re
         const Path path = look(cloud, x, y, plan.width, plan.height).path;
         if (path.length() == 0) {  // past the box
           const auto n = static_cast<double>(last - sums.samples);
-          sums = {sums.sum + n, sums.square + n, sums.work, last};
+          sums = {sums.sum + n, sums.square + n, sums.lookups, last};
           continue;
         }
         const Ray ray(path, RayBounds{path.length(), cloud.majorant(), 0});

@@ -17,7 +17,7 @@ namespace debias::render {
 struct PixelSums {
   double sum = 0;
   double square = 0;
-  double work = 0;
+  double lookups = 0;
   std::int64_t samples = 0;
 };
 
@@ -48,7 +48,7 @@ struct Rendering {
   std::vector<PixelSums> pixels;
   double seconds = 0;
   bool complete = true;
-  [[nodiscard]] double work() const;
+  [[nodiscard]] double lookups() const;
 };
 Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const RenderPlan& plan);
 
