@@ -18,7 +18,10 @@ may_include() {
     linear_operators) echo "$no_runner|series" ;;
     sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
     nested) echo "$no_runner|function_of_mean" ;;
-    reciprocal | transmittance) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
+    reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
+    # published estimators, of which the law is a part
+    transmittance) echo "$no_runner|taylor|function_of_mean|functions|estimators/(roulette|truncated)|pmf/bhanot_kennedy" ;;
+    photon) echo "$no_runner|pmf/geometric" ;;
     survey | diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey|diagnostics' ;;
     recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;

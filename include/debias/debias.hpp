@@ -23,6 +23,7 @@
 #include <debias/functions.hpp>
 #include <debias/multilevel.hpp>
 #include <debias/nested.hpp>
+#include <debias/photon.hpp>
 #include <debias/pmf/any.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
 #include <debias/pmf/fitted.hpp>
@@ -38,3 +39,4 @@
 #include <debias/steady_state.hpp>
 #include <debias/survey.hpp>
 #include <debias/taylor.hpp>
+#include <debias/transmittance.hpp>

@@ -16,25 +16,11 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/taylor.hpp>
+#include <debias/transmittance.hpp>
 
 #include "make.hpp"
 
 namespace debias::catalog {
-
-/// Terms that a p-series always takes: up to the 99 % quantile of the Poisson law of the majorant.
-inline std::int64_t prefix_of_p_series(double majorant) {
-  const Poisson law(majorant);
-  std::int64_t k = 0;
-  while (law.tail(k + 1) > 0.01) ++k;
-  return k;
-}
-
-/// Points of the combs of Kettunen et al. 2021: as many look-ups as a p-series has terms, over the expected
-/// draws.
-inline std::int64_t comb_of_u_statistics(double majorant, const BhanotKennedy& order) {
-  const double terms = std::ceil(std::cbrt((0.015 + majorant) * (0.65 + majorant) * (60.3 + majorant)));
-  return std::max<std::int64_t>(1, static_cast<std::int64_t>(terms / (order.mean() + 1) + 0.5));
-}
 
 /// Kurtosis of ratio tracking: E Z^q = exp(-a + a E (1 - X / a)^q), a = majorant.
 template <class F>
@@ -102,9 +88,9 @@ void add_exponential_methods(Problem& p, const F& f, double majorant, const Rate
   add_p_series_cumulative(p, series, std::exp(-majorant));
   add(p,
       {.name = "p_series_cmf", .description = "the power series, terms to the 99 % quantile, then roulette"},
-      roulette(series, IndexRoulette(majorant), {.base_level = prefix_of_p_series(majorant)}));
+      roulette(series, IndexRoulette(majorant), {.base_level = poisson_quantile(majorant, 0.99)}));
   const BhanotKennedy order(0.9, 2, 2);
-  const std::int64_t points = comb_of_u_statistics(majorant, order);
+  const std::int64_t points = comb_of_u_statistics(majorant, order.mean());
   add_u_statistics(p, f, g, points, order);
   add_fixed_pivot(p, f, g, points);
   add_jittered(p, f, g, base_level, jittered);

@@ -64,41 +64,18 @@ std::int64_t read_block(const Arguments& arguments, catalog::Method method) {
                               "' (strata need a single term); leave it out");
 }
 
-double read_positive(const std::string& text, const char* name) {
-  const double x = parse_double(text, name);
-  if (x > 0) return x;
-  throw std::invalid_argument(std::string(name) + " = '" + text + "' (must be positive)");
-}
-
 Goal read_goal(const Arguments& arguments) {
   Goal goal;
   if (arguments.error != "none") goal.error = read_positive(arguments.error, "--error");
   if (arguments.relative_error != "none") {
     goal.relative_error = read_positive(arguments.relative_error, "--relative-error");
   }
-  if (arguments.time != "none") {
-    const bool unit = !arguments.time.empty() && arguments.time.back() == 's';
-    goal.seconds =
-        read_positive(unit ? arguments.time.substr(0, arguments.time.size() - 1) : arguments.time, "--time");
-  }
+  if (arguments.time != "none") goal.seconds = read_seconds(arguments.time, "--time");
   if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
     throw std::invalid_argument(
         "--error, --relative-error, --time: more than one (each fixes the samples); keep one");
   }
   return goal;
-}
-
-std::uint64_t read_seed_or_random(const std::string& text) {
-  static constexpr std::array<std::string_view, 1> words = {"random"};
-  if (text == words[0]) {
-    std::random_device device;
-    const std::uint64_t high = device();
-    const std::uint64_t low = device();
-    return high << 32 | low;
-  }
-  const std::string meant = suggestion(text, words);
-  if (!meant.empty()) throw std::invalid_argument("--seed = '" + text + "' (not a number)" + meant);
-  return read_seed(text);
 }
 
 }  // namespace
@@ -163,8 +140,36 @@ Plan read_plan(const Arguments& arguments) {
   }
   plan.samples = arguments.samples == "auto" ? default_samples : read_int64(arguments.samples, "--samples", 1);
   plan.seed = read_seed_or_random(arguments.seed);
-  plan.threads = static_cast<int>(parse_count(arguments.threads, "--threads", 0, most_threads));
+  plan.threads = read_threads(arguments.threads);
   return plan;
+}
+
+std::uint64_t read_seed_or_random(const std::string& text) {
+  static constexpr std::array<std::string_view, 1> words = {"random"};
+  if (text == words[0]) {
+    std::random_device device;
+    const std::uint64_t high = device();
+    const std::uint64_t low = device();
+    return high << 32 | low;
+  }
+  const std::string meant = suggestion(text, words);
+  if (!meant.empty()) throw std::invalid_argument("--seed = '" + text + "' (not a number)" + meant);
+  return read_seed(text);
+}
+
+int read_threads(const std::string& text) {
+  return static_cast<int>(parse_count(text, "--threads", 0, most_threads));
+}
+
+double read_positive(const std::string& text, const char* name) {
+  const double x = parse_double(text, name);
+  if (x > 0) return x;
+  throw std::invalid_argument(std::string(name) + " = '" + text + "' (must be positive)");
+}
+
+double read_seconds(const std::string& text, const char* name) {
+  const bool unit = !text.empty() && text.back() == 's';
+  return read_positive(unit ? text.substr(0, text.size() - 1) : text, name);
 }
 
 std::uint64_t read_seed(const std::string& text) {

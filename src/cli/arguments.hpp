@@ -35,11 +35,22 @@ struct Arguments {
   std::string threads = "0";
   std::string confidence = "0.95";
   std::string output;
+  std::string spp = "64";
+  std::string equal_time = "none";
+  std::string size = "512x512";
+  std::string volume;
+  std::string dimensions;
+  std::string density = "8";
+  std::string exposure = "1";
+  std::string photons = "4e6";
+  std::string scene = "sphere";
   std::string file;
   std::string column;
   std::string format = "text";
   bool json = false;
   bool csv = false;
+  bool compare = false;
+  bool allow_infinite_mean = false;
   bool quiet = false;
 };
 
@@ -62,6 +73,11 @@ Plan read_plan(const Arguments& arguments);
 std::int64_t read_levels(const std::string& text);
 std::int64_t read_points(const std::string& text);
 std::uint64_t read_seed(const std::string& text);
+std::uint64_t read_seed_or_random(const std::string& text);
+int read_threads(const std::string& text);
+double read_positive(const std::string& text, const char* name);
+/// "10s" or "10".
+double read_seconds(const std::string& text, const char* name);
 std::int64_t read_sample(const std::string& text);
 double read_confidence(const std::string& text);
 

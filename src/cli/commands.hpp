@@ -29,6 +29,8 @@ int validate(const Arguments& arguments);
 int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
 int diagnose(const Arguments& arguments);
+int render_transmittance(const Arguments& arguments);
+int render_photons(const Arguments& arguments);
 
 // What a command finds out, for whoever wants to know: the program prints it, Python keeps it.
 
@@ -97,6 +99,30 @@ struct Tradeoff {
   std::size_t best = 0;  ///< of the points; their number where none is finite
   double optimum = 0;  ///< means nothing, as does the bound, where no law exists
   double bound = 0;
+};
+
+/// One image of `render`.
+struct Picture {
+  std::string name;
+  std::string description;
+  bool biased = false;
+  std::int64_t samples = 0;  ///< of a pixel, or passes
+  double work = 0;           ///< look-ups, or photons
+  double seconds = 0;
+  double mean = 0;   ///< over the image
+  double error = 0;  ///< root mean square against the reference, relative to its mean; NaN without one
+  std::string verdict;
+};
+
+/// All that `render` has to say.
+struct Pictures {
+  std::string scene;
+  std::string work_unit;
+  int width = 0;
+  int height = 0;
+  std::uint64_t seed = 0;
+  bool complete = true;
+  std::vector<Picture> pictures;
 };
 
 /// All that `survey` has to say.

@@ -424,6 +424,25 @@ std::string cell_json(const catalog::Cell& cell) {
   return json.dump();
 }
 
+std::string render_json(const Pictures& all) {
+  Json list = Json::array();
+  for (const Picture& p : all.pictures) {
+    list.push_back({{"name", p.name},
+                    {"description", p.description},
+                    {"biased", p.biased},
+                    {"samples", p.samples},
+                    {all.work_unit, number(p.work)},
+                    {"mean", number(p.mean)},
+                    {"error", number(p.error)},
+                    {"verdict", p.verdict},
+                    {"seconds", p.seconds}});
+  }
+  Json json = {{"scene", all.scene},   {"width", all.width},       {"height", all.height},
+               {"seed", all.seed},     {"complete", all.complete}, {"pictures", std::move(list)}};
+  add_versions(json);
+  return pretty(json);
+}
+
 std::string summary_json(const Validation& v) {
   const Counts n = count(v.report);
   Json json = {{"cells", v.report.cells.size()},

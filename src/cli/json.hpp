@@ -22,6 +22,7 @@ std::string advice_json(const AdviceOn& advice);
 std::string tradeoff_json(const Tradeoff& tradeoff);
 std::string survey_json(const SurveyOf& survey);
 std::string diagnose_json(const Diagnosis& diagnosis);
+std::string render_json(const Pictures& pictures);
 /// One line each.
 std::string cell_json(const catalog::Cell& cell);
 std::string summary_json(const Validation& validation);

@@ -85,8 +85,12 @@ void add_output(CLI::App& app, Arguments& a) {
 
 // `debias run`, or `debias` before a command.
 std::string typed_so_far(const CLI::App& app) {
-  const auto commands = app.get_subcommands();
-  return "debias" + (commands.empty() ? "" : " " + commands.front()->get_name());
+  std::string typed = "debias";
+  for (const CLI::App* at = &app; !at->get_subcommands().empty();) {
+    at = at->get_subcommands().front();
+    typed += " " + at->get_name();
+  }
+  return typed;
 }
 
 // CLI11 leaves words that it does not know to us, so that we can name the nearest one.
@@ -116,7 +120,7 @@ const Command& chosen(const CLI::App& app, const std::vector<Command>& commands)
     if (command.app->parsed()) return command;
   }
   throw std::invalid_argument(
-      "no command; write list, run, replay, validate, survey, tradeoff or diagnose, or see "
+      "no command; write list, run, replay, validate, survey, tradeoff, diagnose or render, or see "
       "`debias --help`");
 }
 
@@ -130,13 +134,17 @@ int dispatch(int argc, char** argv) {
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Command> commands(7);  // options point into it
-  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
-                       const char* description, const char* examples) -> CLI::App& {
-    commands[i].app = app.add_subcommand(name, description);
+  std::vector<Command> commands(9);  // options point into it
+  const auto add_to = [&](CLI::App& parent, std::size_t i, const char* name, int (*execute)(const Arguments&),
+                          const char* description, const char* examples) -> CLI::App& {
+    commands[i].app = parent.add_subcommand(name, description);
     commands[i].app->footer(std::string("Examples:\n") + examples);
     commands[i].execute = execute;
     return *commands[i].app;
+  };
+  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
+                       const char* description, const char* examples) -> CLI::App& {
+    return add_to(app, i, name, execute, description, examples);
   };
 
   CLI::App& list_app = add(0, "list", list, "What there is: problems, estimators, laws",
@@ -219,6 +227,49 @@ int dispatch(int argc, char** argv) {
   diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")
       ->type_name("F");
   add_output(diagnose_app, diagnosed);
+
+  CLI::App& render_app = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");
+  render_app.require_subcommand(1);
+  const auto add_picture = [&](Arguments& a, CLI::App& scene) {
+    scene.add_option("--size", a.size, "Pixels")->type_name("WxH");
+    scene.add_option("--exposure", a.exposure, "Factor of the PNG, before the sRGB curve")->type_name("X");
+    scene.add_flag("--compare", a.compare, "All estimators and the reference, into the folder -o; see README for the sheet");
+    scene.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
+    scene.add_option("--threads", a.threads, "0 takes all cores; the image does not depend on it")->type_name("T");
+    add_output(scene, a);
+    scene.get_option("--output")->required();
+  };
+  CLI::App& cloud_app = add_to(render_app, 7, "transmittance", render_transmittance,
+                               "A cloud in a box: one transmittance estimate per sample and pixel",
+                               "  debias render transmittance -o cloud.png\n"
+                               "  debias render transmittance --estimator ratio_tracking --spp 256 -o cloud.pfm\n"
+                               "  debias render transmittance --volume smoke.raw --dims 64x64x64 -o smoke.png\n"
+                               "  debias render transmittance --compare --equal-time 4s -o folder");
+  Arguments& clouded = commands[7].arguments;
+  cloud_app.add_option("--estimator", clouded.estimator, "telescoping_2 when there is none")->type_name("NAME");
+  cloud_app.add_option("--spp", clouded.spp, "Samples per pixel")->type_name("N");
+  cloud_app
+      .add_option("--equal-time", clouded.equal_time,
+                  "As many samples per pixel as take this time; a pilot fixes them before the run")
+      ->type_name("T");
+  cloud_app.add_option("--volume", clouded.volume, "Raw 32-bit floats, x fastest, in place of the cloud")
+      ->type_name("FILE");
+  cloud_app.add_option("--dims", clouded.dimensions, "Of the volume")->type_name("XxYxZ");
+  cloud_app.add_option("--density", clouded.density, "Extinction: the largest of the cloud, of a 1 in the volume")
+      ->type_name("X");
+  add_picture(clouded, cloud_app);
+  CLI::App& photon_app = add_to(render_app, 8, "photons", render_photons,
+                                "A lamp, a glass sphere and a floor: the caustic, from photons in a shrinking radius",
+                                "  debias render photons -o caustic.png\n"
+                                "  debias render photons --estimator progressive --photons 1e7 -o caustic.pfm\n"
+                                "  debias render photons --compare --allow-infinite-mean -o folder");
+  Arguments& lit = commands[8].arguments;
+  photon_app.add_option("--estimator", lit.estimator, "balanced when there is none")->type_name("NAME");
+  photon_app.add_option("--photons", lit.photons, "Expected, of the whole image")->type_name("N");
+  photon_app.add_option("--scene", lit.scene, "sphere, or direct: the lamp alone")->type_name("NAME");
+  photon_app.add_flag("--allow-infinite-mean", lit.allow_infinite_mean,
+                      "Run the alpha schedule, whose mean does not converge");
+  add_picture(lit, photon_app);
 
   for (Command& command : commands) {
     if (command.execute != validate) {

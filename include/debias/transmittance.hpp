@@ -1,0 +1,318 @@
+#pragma once
+
+// Transmittance along a ray: g(tau), tau = integral of the extinction mu over [0, length]; g = exp(-tau) unless said.
+//   name                     needs               look-ups                       what breaks it
+//   delta_tracking           mu <= majorant      at most tau_m                  mu > majorant: throws; only 0 or 1
+//   ratio_tracking           majorant            tau_m                          * variance T^2 (exp(E X^2 / tau_m) - 1)
+//   residual_ratio_tracking  both bounds         (majorant - minorant) length   * a control far from mu
+//   next_flight              majorant            tau_m                          *
+//   p_series_cumulative      majorant            1 to 2 tau_m + 2               * throws for tau_m > 700
+//   p_series_cmf             majorant            tau_m + 3 sqrt(tau_m) + 1      * throws for tau_m > 700
+//   u_statistics             points of a comb    1.32 combs                     combs that differ by more than 1
+//   telescoping, any g       nothing             2^(m + 1) r / (2 r - 1)        combs of 2^m points that differ by more
+//   ray_marching, any g      nothing             2^level                        everything: biased; also with jitter
+// tau_m = majorant length, X = mu(U) length, m = base level. *: with mu > majorant unbiased, but far noisier.
+// Davis and power laws: telescoping, u_statistics with a Geometric order, or davis_mixture of any row. Sources: Cramer
+// 1978 (next flight), Novak et al. 2014 (residual), Georgiev et al. 2019, Kettunen et al. 2021, Misso et al. 2022.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/estimators/roulette.hpp>
+#include <debias/estimators/truncated.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <debias/pmf/bhanot_kennedy.hpp>
+#include <debias/taylor.hpp>
+
+namespace debias {
+
+/// What is known of the extinction of a ray besides its values.
+struct RayBounds {
+  double length = 1;
+  double majorant = std::numeric_limits<double>::infinity();
+  double minorant = 0;
+};
+
+/// The extinction mu(t), in 1 / length, at the distances t in [0, length].
+template <class F>
+struct Ray : RayBounds {
+  F extinction;
+
+  /// Throws std::invalid_argument unless 0 < length < infinity and 0 <= minorant <= majorant.
+  Ray(F mu, const RayBounds& bounds) : RayBounds(bounds), extinction(std::move(mu)) {
+    if (length > 0 && std::isfinite(length) && minorant >= 0 && minorant <= majorant) return;
+    throw std::invalid_argument("ray: length = " + std::to_string(length) + ", minorant = " + std::to_string(minorant) +
+                                ", majorant = " + std::to_string(majorant) +
+                                " (must be positive and finite, and 0 <= minorant <= majorant)");
+  }
+};
+template <class F>
+Ray(F, RayBounds) -> Ray<F>;
+
+/// The extinction times `factor`, and its bounds with it.
+template <class F>
+auto denser(const Ray<F>& ray, double factor) {
+  const auto mu = [f = ray.extinction, factor](double t) { return factor * f(t); };
+  return Ray(mu, RayBounds{ray.length, factor * ray.majorant, factor * ray.minorant});
+}
+
+/// (1 + tau / alpha)^-alpha, as a Davis law.
+inline functions::Davis power_law(double alpha) { return {1 / std::sqrt(alpha)}; }
+
+namespace detail {
+inline void require_majorant(const char* estimator, const RayBounds& ray) {
+  if (ray.majorant > 0 && std::isfinite(ray.majorant)) return;
+  throw std::invalid_argument(std::string(estimator) + ": majorant = " + std::to_string(ray.majorant) +
+                              " (must be positive and finite); telescoping needs none");
+}
+}  // namespace detail
+
+// ---- walks: free flights of rate `majorant`; work is 1 + look-ups
+
+/// 1 if no collision is real before the end, else 0.
+template <class F>
+class DeltaTracking {
+ public:
+  explicit DeltaTracking(Ray<F> ray) : ray_(std::move(ray)) { detail::require_majorant("delta_tracking", ray_); }
+  /// Throws std::domain_error where the extinction exceeds its majorant: no probability is above 1.
+  Sample<double> operator()(Stream& rng) const {
+    double work = 1;
+    const double flight = 1 / ray_.majorant;
+    for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
+      const double mu = ray_.extinction(t);
+      ++work;
+      if (mu > ray_.majorant) refuse(mu);
+      if (rng.uniform() * ray_.majorant < mu) return {0, work};
+    }
+    return {1, work};
+  }
+  [[nodiscard]] std::string describe() const { return "delta_tracking"; }
+
+ private:
+  [[noreturn]] void refuse(double mu) const {
+    throw std::domain_error("delta_tracking: extinction = " + std::to_string(mu) + " (above its majorant " +
+                            std::to_string(ray_.majorant) + ", a bias); raise the majorant, or take ratio_tracking");
+  }
+  Ray<F> ray_;
+};
+
+/// exp(-c length) prod (1 - (mu(t_i) - c) / rate) over the points of a Poisson process of that rate.
+template <class F>
+class RatioTracking {
+ public:
+  RatioTracking(Ray<F> ray, double control, double rate)
+      : ray_(std::move(ray)), control_(control), rate_(rate), start_(std::exp(-control * ray_.length)) {}
+  Sample<double> operator()(Stream& rng) const {
+    Sample<double> sample{start_, 1};
+    if (rate_ == 0) return sample;
+    const double flight = 1 / rate_;
+    for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
+      sample.value *= 1 - (ray_.extinction(t) - control_) / rate_;
+      ++sample.work;
+      if (sample.value == 0) break;  // nothing can follow
+    }
+    return sample;
+  }
+  [[nodiscard]] std::string describe() const {
+    return "ratio_tracking, control " + std::to_string(control_) + ", rate " + std::to_string(rate_);
+  }
+
+ private:
+  Ray<F> ray_;
+  double control_;
+  double rate_;
+  double start_;
+};
+
+/// Ratio tracking that adds at each collision what would go on to the end without another one.
+template <class F>
+class NextFlight {
+ public:
+  explicit NextFlight(Ray<F> ray) : ray_(std::move(ray)) { detail::require_majorant("next_flight", ray_); }
+  Sample<double> operator()(Stream& rng) const {
+    Sample<double> sample{std::exp(-ray_.majorant * ray_.length), 1};
+    double weight = 1;
+    const double flight = 1 / ray_.majorant;
+    for (double t = flight * rng.exponential(); t < ray_.length && weight != 0; t += flight * rng.exponential()) {
+      weight *= 1 - ray_.extinction(t) / ray_.majorant;
+      sample.value += weight * std::exp(-ray_.majorant * (ray_.length - t));
+      ++sample.work;
+    }
+    return sample;
+  }
+  [[nodiscard]] std::string describe() const { return "next_flight"; }
+
+ private:
+  Ray<F> ray_;
+};
+
+template <class F>
+DeltaTracking<F> delta_tracking(Ray<F> ray) {
+  return DeltaTracking<F>(std::move(ray));
+}
+template <class F>
+RatioTracking<F> ratio_tracking(Ray<F> ray) {
+  detail::require_majorant("ratio_tracking", ray);
+  const double rate = ray.majorant;
+  return {std::move(ray), 0, rate};
+}
+/// Tracks the difference from `control` only. Throws std::invalid_argument for a control that is not finite.
+template <class F>
+RatioTracking<F> residual_ratio_tracking(Ray<F> ray, double control) {
+  detail::require_majorant("residual_ratio_tracking", ray);
+  if (!std::isfinite(control)) {
+    throw std::invalid_argument("residual_ratio_tracking: control = " + std::to_string(control) +
+                                " (must be finite, between the bounds of the extinction)");
+  }
+  const double rate = std::max(ray.majorant - control, control - ray.minorant);
+  return {std::move(ray), control, rate};
+}
+template <class F>
+RatioTracking<F> residual_ratio_tracking(Ray<F> ray) {
+  const double control = ray.minorant;
+  return residual_ratio_tracking(std::move(ray), control);
+}
+template <class F>
+NextFlight<F> next_flight(Ray<F> ray) {
+  return NextFlight<F>(std::move(ray));
+}
+
+// ---- power series
+
+/// The optical depth from one uniform point: E X = tau.
+template <class F>
+auto optical_depth(const Ray<F>& ray) {
+  return [f = ray.extinction, length = ray.length](Stream& rng) { return length * f(length * rng.uniform()); };
+}
+
+/// The terms of the power series of g about the majorant optical depth.
+template <class F, Expandable G = functions::ExpMinus>
+auto transmittance_series(const Ray<F>& ray, const G& g = {}) {
+  detail::require_majorant("transmittance_series", ray);
+  return taylor(optical_depth(ray), g, ray.majorant * ray.length);
+}
+
+/// Roulette on the running weight of the series.
+template <class F>
+auto p_series_cumulative(const Ray<F>& ray) {
+  const auto series = transmittance_series(ray);
+  return roulette(series, RunningWeight(std::exp(-ray.majorant * ray.length)));
+}
+
+/// The number of terms that reaches `probability` of a Poisson law of that mean.
+inline std::int64_t poisson_quantile(double mean, double probability) {
+  double mass = std::exp(-mean);
+  double cdf = mass;
+  std::int64_t k = 0;
+  while (cdf < probability && mass > 0) {
+    mass *= mean / static_cast<double>(++k);
+    cdf += mass;
+  }
+  return k;
+}
+
+/// The first terms, to the 99 % quantile of the Poisson law, and roulette by index beyond.
+template <class F>
+auto p_series_cmf(const Ray<F>& ray) {
+  const auto series = transmittance_series(ray);
+  const double residual = (ray.majorant - ray.minorant) * ray.length;
+  return roulette(series, IndexRoulette(std::max(residual, 1e-3)), {.base_level = poisson_quantile(residual, 0.99)});
+}
+
+/// Points of the combs: as many look-ups as a p-series has terms, over the expected draws.
+inline std::int64_t comb_of_u_statistics(double majorant_depth, double mean_order) {
+  const double d = majorant_depth;
+  const double terms = std::ceil(std::cbrt((0.015 + d) * (0.65 + d) * (60.3 + d)));
+  return std::max<std::int64_t>(1, static_cast<std::int64_t>(terms / (mean_order + 1) + 0.5));
+}
+
+/// Symmetric products of combs of `points` about each of them. Where g has a finite radius of convergence
+/// (Davis) `order` must be Geometric.
+template <class F, Expandable G, Pmf P>
+auto u_statistics(const Ray<F>& ray, const G& g, std::int64_t points, P order) {
+  return taylor_sum(comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
+}
+/// With the order law and the combs of its authors, from the majorant.
+template <class F>
+auto u_statistics(const Ray<F>& ray) {
+  detail::require_majorant("u_statistics", ray);
+  const BhanotKennedy order(0.9, 2, 2);
+  return u_statistics(ray, functions::ExpMinus{}, comb_of_u_statistics(ray.majorant * ray.length, order.mean()), order);
+}
+
+// ---- combs
+
+/// The sequence g(comb of 2^k points), for single_term(telescoping(ray), {.base_level = m}).
+template <class F, class G = functions::ExpMinus>
+auto telescoping(const Ray<F>& ray, const G& g = {}) {
+  return function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
+}
+
+/// Biased: g of one comb of 2^level points with a random offset, or of as many jittered points.
+template <class F, class G = functions::ExpMinus>
+auto ray_marching(const Ray<F>& ray, std::int64_t level, const G& g = {}) {
+  return truncated(telescoping(ray, g), level);
+}
+template <class F, class G = functions::ExpMinus>
+auto jittered_ray_marching(const Ray<F>& ray, std::int64_t level, const G& g = {}) {
+  return truncated(function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length}), level);
+}
+
+// ---- correlated media
+
+namespace detail {
+/// Gamma with mean 1 and variance c^2 [Marsaglia & Tsang 2000].
+inline double unit_mean_gamma(double c, Stream& rng) {
+  const double shape = 1 / (c * c);
+  const bool boosted = shape < 1;
+  const double d = (boosted ? shape + 1 : shape) - 1.0 / 3;
+  for (;;) {
+    const double x = rng.normal();
+    const double u = rng.uniform();
+    const double root = 1 + x / std::sqrt(9 * d);
+    const double v = root * root * root;
+    if (!(root > 0) || !(std::log(u) < 0.5 * x * x + d * (1 - v + std::log(v)))) continue;
+    return c * c * d * v * (boosted ? std::pow(rng.uniform(), 1 / shape) : 1);
+  }
+}
+}  // namespace detail
+
+/// (1 + c^2 tau)^(-1 / c^2) = E exp(-M tau), M gamma with mean 1 and variance c^2: `make(m)` is any unbiased
+/// estimator of exp(-m tau), `p_series_cumulative(denser(ray, m))`, say. Its variance has to be finite on
+/// average over M: ratio tracking has exp(m (E X^2 / tau_m - 2 tau)) there.
+template <class Make>
+class DavisMixture {
+ public:
+  /// Throws std::invalid_argument unless c is positive and finite.
+  DavisMixture(double c, Make make) : c_(c), make_(std::move(make)) {
+    if (c > 0 && std::isfinite(c)) return;
+    throw std::invalid_argument("davis_mixture: c = " + std::to_string(c) +
+                                " (must be positive and finite; for 0 take the exponential itself)");
+  }
+  Sample<double> operator()(Stream& rng) const {
+    constexpr std::uint64_t density_branch = std::uint64_t{1} << 61;
+    Stream density = rng.split(density_branch);
+    NullRecord record;
+    return draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
+  }
+  [[nodiscard]] std::string describe() const { return "davis_mixture, c " + std::to_string(c_); }
+
+ private:
+  double c_;
+  Make make_;
+};
+template <class Make>
+DavisMixture<Make> davis_mixture(double c, Make make) {
+  return {c, std::move(make)};
+}
+
+}  // namespace debias

@@ -1,0 +1,217 @@
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include <boost/math/quadrature/gauss_kronrod.hpp>
+
+#include "catch_shim.hpp"
+#include "laws/estimator_laws.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/transmittance.hpp>
+
+using namespace debias;
+using laws::estimator_laws;
+using laws::Failures;
+
+namespace {
+
+// A bent medium that is not periodic, and one with a kink at the edge of a cloud.
+struct Bent {
+  static constexpr RayBounds bounds{2, 1.5, 0.05};
+  double operator()(double t) const { return 0.8 + 0.5 * std::sin(3 * t) + 0.1 * t; }
+};
+struct Kinked {
+  static constexpr double kink = 0.4;
+  static constexpr RayBounds bounds{1.5, 2.4, 0.2};
+  double operator()(double t) const { return 0.2 + 2 * std::fmax(0, t - kink); }
+};
+
+template <class F>
+Ray<F> ray_through(F mu) {
+  return Ray(mu, F::bounds);
+}
+
+template <class F>
+double depth(const F& mu) {
+  using Quadrature = boost::math::quadrature::gauss_kronrod<double, 31>;
+  return Quadrature::integrate(mu, 0, Kinked::kink, 10, 1e-13) +
+         Quadrature::integrate(mu, Kinked::kink, F::bounds.length, 10, 1e-13);
+}
+
+// use(name, make) for every unbiased estimator of exp(-tau): make(ray) is the estimator.
+template <class Use>
+void each_exponential(const Use& use) {
+  use("delta_tracking", [](const auto& ray) { return delta_tracking(ray); });
+  use("ratio_tracking", [](const auto& ray) { return ratio_tracking(ray); });
+  use("residual_ratio_tracking", [](const auto& ray) { return residual_ratio_tracking(ray); });
+  use("residual_ratio_tracking about the middle",
+      [](const auto& ray) { return residual_ratio_tracking(ray, (ray.majorant + ray.minorant) / 2); });
+  use("next_flight", [](const auto& ray) { return next_flight(ray); });
+  use("p_series_cumulative", [](const auto& ray) { return p_series_cumulative(ray); });
+  use("p_series_cmf", [](const auto& ray) { return p_series_cmf(ray); });
+  use("u_statistics", [](const auto& ray) { return u_statistics(ray); });
+  for (const std::int64_t m : {0, 1, 3}) {
+    use("telescoping from base level " + std::to_string(m),
+        [m](const auto& ray) { return single_term(telescoping(ray), {.base_level = m}); });
+  }
+}
+
+// use(name, estimator) for those that know g themselves.
+template <class F, class G, class Use>
+void each_of(const Ray<F>& ray, const G& g, const Use& use) {
+  use("telescoping, 0", single_term(telescoping(ray, g)));
+  use("telescoping, 2", single_term(telescoping(ray, g), {.base_level = 2}));
+  use("u_statistics", u_statistics(ray, g, 4, Geometric(0.5)));
+  use("series", roulette(transmittance_series(ray, g), Geometric(0.15)));
+}
+
+template <class E>
+double z(const E& estimator, double truth, std::int64_t samples = 1 << 16) {
+  const auto r = estimate(estimator, {.samples = samples, .seed = 11});
+  return (r.mean - truth) / r.standard_error;
+}
+
+template <class F>
+void check_exponential(const F& mu) {
+  const double truth = std::exp(-depth(mu));
+  each_exponential([&](const std::string& name, const auto& make) {
+    CAPTURE(name);
+    CHECK(estimator_laws(make(ray_through(mu)), truth) == Failures{});
+  });
+}
+
+template <class F>
+void check_mixture(const F& mu) {
+  for (const double c : {0.4, 1.3}) {
+    const double truth = functions::Davis{c}(depth(mu));
+    each_exponential([&](const std::string& name, const auto& make) {
+      CAPTURE(name, c);
+      const auto mixture = davis_mixture(c, [&, ray = ray_through(mu)](double m) { return make(denser(ray, m)); });
+      CHECK(std::abs(z(mixture, truth)) < 4.5);
+      if (name == "ratio_tracking") CHECK(std::abs(z(mixture, truth * 1.05)) > 4.5);
+    });
+  }
+}
+
+template <class F>
+void check_direct(const F& mu) {
+  const double tau = depth(mu);
+  const auto check = [&](const auto& g) {
+    each_of(ray_through(mu), g, [&](const std::string& name, const auto& estimator) {
+      CAPTURE(name, g(tau));
+      CHECK(std::abs(z(estimator, g(tau))) < 4.5);
+    });
+  };
+  check(functions::Davis{0.5});
+  check(power_law(2));
+  CHECK(power_law(2)(tau) == Approx(std::pow(1 + tau / 2, -2)));
+  CHECK(std::abs(z(single_term(telescoping(ray_through(mu), functions::Power{-2}), {.base_level = 2}),
+                   std::pow(tau, -2))) < 4.5);
+}
+
+}  // namespace
+
+TEST_CASE("every estimator of exp(-tau) is unbiased and honest in a bent and in a kinked medium",
+          "[transmittance][statistical]") {
+  check_exponential(Bent{});
+  check_exponential(Kinked{});
+}
+
+TEST_CASE("every estimator of exp(-tau) serves the Davis law through its gamma mixture",
+          "[transmittance][statistical]") {
+  check_mixture(Bent{});
+  check_mixture(Kinked{});
+}
+
+TEST_CASE("Davis and power laws by their own series and levels", "[transmittance][statistical]") {
+  check_direct(Bent{});
+  check_direct(Kinked{});
+}
+
+TEST_CASE("ray marching is rejected by the same test, with offsets and with jitter", "[transmittance][statistical]") {
+  const auto check = [](const auto& mu) {
+    const double truth = std::exp(-depth(mu));
+    const auto ray = ray_through(mu);
+    CHECK(std::abs(z(ray_marching(ray, 0), truth)) > 4.5);
+    CHECK(std::abs(z(jittered_ray_marching(ray, 0), truth)) > 4.5);
+    CHECK(std::abs(z(ray_marching(ray, 12), truth, 1024)) < 4.5);  // and its bias ends
+    CHECK(ray_marching(ray, 3).describe() == "truncated (biased), level 3");
+  };
+  check(Bent{});
+  check(Kinked{});
+}
+
+TEST_CASE("a constant medium leaves no variance to residuals, U-statistics and combs", "[transmittance][exact]") {
+  const Ray ray([](double /*t*/) { return 0.7; }, {2, 0.7, 0.7});
+  const double truth = std::exp(-1.4);
+  for (std::int64_t i = 0; i < 100; ++i) {
+    CHECK(trace(residual_ratio_tracking(ray), 1, i).sample.value == Approx(truth).epsilon(1e-14));
+    CHECK(trace(u_statistics(ray), 1, i).sample.value == Approx(truth).epsilon(1e-14));
+    CHECK(trace(single_term(telescoping(ray)), 1, i).sample.value == Approx(truth).epsilon(1e-14));
+    CHECK(trace(p_series_cmf(ray), 1, i).sample.value == Approx(truth).epsilon(1e-14));
+  }
+}
+
+TEST_CASE("ratio tracking has the variance of its formula, a majorant too low leaves it unbiased",
+          "[transmittance][statistical]") {
+  const auto variance_is = [](const auto& ray, double second, double fourth, double truth) {
+    const auto r = estimate(ratio_tracking(ray), {.samples = 1 << 18, .seed = 3});
+    const double a = ray.majorant * ray.length;
+    const double square = std::exp(-a + second / a);           // E Z^2
+    const double power = std::exp(-a + fourth / (a * a * a));  // E Z^4
+    const auto n = static_cast<double>(r.samples);
+    const double variance = r.standard_error * r.standard_error * n;
+    CHECK(std::abs(variance - (square - truth * truth)) < 4.5 * std::sqrt((power - square * square) / n));
+    CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+  };
+  // mu = t on [0, 1]: E (a - X)^q = (a^(q+1) - (a - 1)^(q+1)) / (q + 1)
+  for (const double a : {1.0, 1.5, 0.8}) {
+    CAPTURE(a);
+    const auto moment = [a](int q) { return (std::pow(a, q + 1) - std::pow(a - 1, q + 1)) / (q + 1); };
+    variance_is(Ray([](double t) { return t; }, {1, a, 0}), moment(2), moment(4), std::exp(-0.5));
+  }
+}
+
+TEST_CASE("the gamma of a mixture has the moments of its law", "[transmittance][statistical]") {
+  for (const double c : {0.3, 1.0, 2.0}) {
+    CAPTURE(c);
+    for (const double s : {0.5, 2.0}) {  // E exp(-s M) = (1 + c^2 s)^(-1 / c^2)
+      const auto transform = [c, s](Stream& rng) { return std::exp(-s * detail::unit_mean_gamma(c, rng)); };
+      CHECK(std::abs(z(transform, functions::Davis{c}(s))) < 4.5);
+    }
+  }
+}
+
+TEST_CASE("orders and combs of the published estimators", "[transmittance][exact]") {
+  const double depths[] = {1, 2, 4, 8, 16, 30, 100};
+  const std::int64_t terms[] = {5, 7, 10, 16, 27, 44, 125};
+  // Of the tables in their source, with P(N <= k) >= 0.99 counted as k + 1 terms.
+  for (int i = 0; i < 7; ++i) CHECK(poisson_quantile(depths[i], 0.99) + 1 == Approx(terms[i]).margin(1));
+  const double mean_order = BhanotKennedy(0.9, 2, 2).mean();
+  const double of_combs[] = {1, 2, 4.6, 10, 30, 100};
+  const std::int64_t points[] = {4, 5, 9, 15, 33, 89};
+  for (int i = 0; i < 6; ++i) CHECK(comb_of_u_statistics(of_combs[i], mean_order) == points[i]);
+}
+
+TEST_CASE("impossible rays are refused, in words", "[transmittance][exact]") {
+  const auto one = [](double /*t*/) { return 1.0; };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_WITH(Ray(one, RayBounds{0, 1, 0}), Catch::Contains("length = 0"));
+  CHECK_THROWS_WITH(Ray(one, RayBounds{1, 1, 2}), Catch::Contains("minorant = 2"));
+  CHECK_THROWS_AS(Ray(one, RayBounds{nan, 1, 0}), std::invalid_argument);
+  CHECK_THROWS_AS(Ray(one, RayBounds{1, nan, 0}), std::invalid_argument);
+  const Ray open(one, {});
+  CHECK_THROWS_WITH(ratio_tracking(open), Catch::Contains("majorant") && Catch::Contains("telescoping"));
+  CHECK_THROWS_WITH(p_series_cmf(open), Catch::Contains("majorant"));
+  CHECK_THROWS_WITH(u_statistics(open), Catch::Contains("majorant"));
+  CHECK_THROWS_WITH(delta_tracking(open), Catch::Contains("majorant"));
+  CHECK_THROWS_WITH(residual_ratio_tracking(Ray(one, {1, 2, 0}), nan), Catch::Contains("control"));
+  CHECK_THROWS_WITH(davis_mixture(0, one), Catch::Contains("c = 0"));
+  const auto low = delta_tracking(Ray(one, {100, 0.5, 0}));
+  Stream rng(1, 1);
+  CHECK_THROWS_AS(low(rng), std::domain_error);
+}
