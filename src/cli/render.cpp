@@ -6,12 +6,14 @@
 #include <limits>
 #include <optional>
 #include <ostream>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "../core/text.hpp"
 #include "../render/image.hpp"
+#include "../render/named.hpp"
 #include "../render/photons.hpp"
 #include "../render/transmittance.hpp"
 #include "commands.hpp"
@@ -144,6 +146,20 @@ void read_common(const Arguments& arguments, Plan& plan) {
   plan.threads = read_threads(arguments.threads);
 }
 
+// All, or the one of --estimator.
+template <class Method>
+std::vector<const Method*> chosen(const Arguments& arguments, std::span<const Method> all, const char* standard) {
+  if (!arguments.compare) {
+    return {&render::named(all, arguments.estimator.empty() ? std::string(standard) : arguments.estimator)};
+  }
+  if (!arguments.estimator.empty()) {
+    throw std::invalid_argument("--estimator = '" + arguments.estimator + "' (--compare takes all); leave one out");
+  }
+  std::vector<const Method*> methods;
+  for (const Method& m : all) methods.push_back(&m);
+  return methods;
+}
+
 render::Cloud read_cloud(const Arguments& arguments) {
   const double density = read_positive(arguments.density, "--density");
   if (arguments.volume.empty()) {
@@ -179,17 +195,8 @@ int render_transmittance(const Arguments& arguments) {
   read_common(arguments, plan);
   plan.samples = static_cast<std::int64_t>(parse_count(arguments.spp, "--spp", 1, 1'000'000'000));
   double equal_time = arguments.equal_time == "none" ? 0 : read_seconds(arguments.equal_time, "--equal-time");
-  std::vector<const render::TransmittanceMethod*> methods;
-  if (!arguments.compare) {
-    methods.push_back(
-        &render::transmittance_method(arguments.estimator.empty() ? "telescoping_2" : arguments.estimator));
-  } else {
-    if (!arguments.estimator.empty()) {
-      throw std::invalid_argument("--estimator = '" + arguments.estimator + "' (--compare takes all); leave one out");
-    }
-    for (const render::TransmittanceMethod& m : render::transmittance_methods()) methods.push_back(&m);
-    if (equal_time == 0) equal_time = 4;
-  }
+  if (arguments.compare && equal_time == 0) equal_time = 4;
+  const auto methods = chosen(arguments, render::transmittance_methods(), "telescoping_2");
   Target target(arguments, arguments.compare);
 
   Pictures all{"transmittance", "lookups", plan.width, plan.height, plan.seed, true, {}};
@@ -236,21 +243,14 @@ int render_photons(const Arguments& arguments) {
                                 (meant.empty() ? "; write sphere or direct" : meant));
   }
   plan.sphere = arguments.scene == scenes[0];
-  std::vector<const render::PhotonMethod*> methods;
-  if (!arguments.compare) {
-    methods.push_back(&render::photon_method(arguments.estimator.empty() ? "balanced" : arguments.estimator));
-    if (methods[0]->infinite_mean && !arguments.allow_infinite_mean) {
+  auto methods = chosen(arguments, render::photon_methods(), "balanced");
+  if (!arguments.allow_infinite_mean) {
+    if (!arguments.compare && methods[0]->infinite_mean) {
       throw std::invalid_argument("--estimator = '" + arguments.estimator +
                                   "' (E|Z| is infinite: its mean does not converge); take balanced, or add "
                                   "--allow-infinite-mean to see what happens");
     }
-  } else {
-    if (!arguments.estimator.empty()) {
-      throw std::invalid_argument("--estimator = '" + arguments.estimator + "' (--compare takes all); leave one out");
-    }
-    for (const render::PhotonMethod& m : render::photon_methods()) {
-      if (!m.infinite_mean || arguments.allow_infinite_mean) methods.push_back(&m);
-    }
+    std::erase_if(methods, [](const render::PhotonMethod* m) { return m->infinite_mean; });
   }
   Target target(arguments, arguments.compare);
 

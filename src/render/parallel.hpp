@@ -2,14 +2,48 @@
 
 // Pieces of work on threads; which thread does a piece cannot matter, since each writes its own results.
 
+#include <algorithm>
+#include <atomic>
+#include <exception>
 #include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
 
 namespace debias::render {
 
 /// body(0) ... body(pieces - 1), in about this order, on `threads` threads (0: all cores); the caller works too.
 /// `more` is asked, by the caller's thread only, before each of its pieces: false leaves out what has not begun.
 /// Rethrows the first exception.
-void in_parallel(int pieces, int threads, const std::function<void(int)>& body,
-                 const std::function<bool(int finished)>& more);
+inline void in_parallel(int pieces, int threads, const std::function<void(int)>& body,
+                        const std::function<bool(int finished)>& more) {
+  std::atomic<int> next = 0;
+  std::atomic<int> finished = 0;
+  std::atomic<bool> stop = false;
+  std::exception_ptr failure;
+  std::mutex mutex;
+  const auto work = [&](bool caller) {
+    try {
+      while (!stop) {
+        if (caller && !more(finished)) stop = true;
+        const int piece = stop ? pieces : next++;
+        if (piece >= pieces) return;
+        body(piece);
+        ++finished;
+      }
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      if (!failure) failure = std::current_exception();
+      stop = true;
+    }
+  };
+  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  {
+    std::vector<std::jthread> others;
+    for (int i = 1; i < std::min(threads == 0 ? cores : threads, pieces); ++i) others.emplace_back(work, false);
+    work(true);
+  }
+  if (failure) std::rethrow_exception(failure);
+}
 
 }  // namespace debias::render

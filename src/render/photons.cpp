@@ -12,7 +12,6 @@
 #include <debias/diagnostics.hpp>
 #include <debias/photon.hpp>
 
-#include "../core/text.hpp"
 #include "cloud.hpp"
 #include "parallel.hpp"
 
@@ -214,19 +213,6 @@ void add_pass(const PhotonMethod& method, const PhotonPlan& plan, const Stream& 
 }  // namespace
 
 std::span<const PhotonMethod> photon_methods() { return methods; }
-
-const PhotonMethod& photon_method(std::string_view name) {
-  std::vector<std::string_view> names;
-  for (const PhotonMethod& m : methods) {
-    if (m.name == name) return m;
-    names.push_back(m.name);
-  }
-  std::string all;
-  for (const std::string_view n : names) all += (all.empty() ? "" : ", ") + std::string(n);
-  const std::string meant = suggestion(name, names);
-  throw std::invalid_argument("--estimator = '" + std::string(name) + "' (no estimator of photons)" +
-                              (meant.empty() ? "; there are " + all : meant));
-}
 
 std::string verdict_of(const PhotonMethod& method) {
   if (method.name == "balanced") return judge(balanced.rates(), balanced.law().tail_exponent()).sentence;

@@ -21,8 +21,6 @@ struct PhotonMethod {
   bool median;         ///< show the median of the means of groups
 };
 std::span<const PhotonMethod> photon_methods();
-/// Throws std::invalid_argument with the nearest name.
-const PhotonMethod& photon_method(std::string_view name);
 /// Whether variance and work are finite, in words; empty for biased methods.
 std::string verdict_of(const PhotonMethod& method);
 

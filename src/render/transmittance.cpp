@@ -11,7 +11,6 @@
 #include <debias/core/estimator.hpp>
 #include <debias/estimators/single_term.hpp>
 
-#include "../core/text.hpp"
 #include "parallel.hpp"
 
 namespace debias::render {
@@ -76,19 +75,6 @@ constexpr TransmittanceMethod methods[] = {
 }  // namespace
 
 std::span<const TransmittanceMethod> transmittance_methods() { return methods; }
-
-const TransmittanceMethod& transmittance_method(std::string_view name) {
-  std::vector<std::string_view> names;
-  for (const TransmittanceMethod& m : methods) {
-    if (m.name == name) return m;
-    names.push_back(m.name);
-  }
-  std::string all;
-  for (const std::string_view n : names) all += (all.empty() ? "" : ", ") + std::string(n);
-  const std::string meant = suggestion(name, names);
-  throw std::invalid_argument("--estimator = '" + std::string(name) + "' (no estimator of a transmittance)" +
-                              (meant.empty() ? "; there are " + all : meant));
-}
 
 double Rendering::lookups() const {
   double total = 0;

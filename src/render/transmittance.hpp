@@ -30,8 +30,6 @@ struct TransmittanceMethod {
               std::int64_t last, PixelSums& sums);
 };
 std::span<const TransmittanceMethod> transmittance_methods();
-/// Throws std::invalid_argument with the nearest name.
-const TransmittanceMethod& transmittance_method(std::string_view name);
 
 struct RenderPlan {
   int width = 512;

@@ -5,11 +5,14 @@
 
 #include "catch_shim.hpp"
 #include "render/image.hpp"
+#include "render/named.hpp"
 #include "render/photons.hpp"
 
 using namespace debias::render;
 
 namespace {
+
+const PhotonMethod& method_named(const char* name) { return named(photon_methods(), name); }
 
 PhotonPlan plan_of(int size, double photons, bool sphere, std::uint64_t seed = 1) {
   PhotonPlan plan;
@@ -52,7 +55,7 @@ TEST_CASE("photons on the floor of the lamp alone come to its irradiance, pixel 
   for (const char* name : {"disc", "progressive", "balanced", "median_of_means"}) {
     CAPTURE(name);
     const auto error = [&](double photons) {
-      return relative_error(render(photon_method(name), plan_of(32, photons, false)).image, exact);
+      return relative_error(render(method_named(name), plan_of(32, photons, false)).image, exact);
     };
     const double few = error(1e6);
     const double many = error(1.6e7);
@@ -61,7 +64,8 @@ TEST_CASE("photons on the floor of the lamp alone come to its irradiance, pixel 
   }
 }
 
-TEST_CASE("the light on the floor is that of the quadrature, with the sphere and without", "[render][statistical][stat]") {
+TEST_CASE("the light on the floor is that of the quadrature, with the sphere and without",
+          "[render][statistical][stat]") {
   // A kernel moves light, and takes none away except over the edge of the window.
   for (const bool sphere : {false, true}) {
     const double truth = mean_of(exact_irradiance(plan_of(128, 1, sphere)));
@@ -70,7 +74,7 @@ TEST_CASE("the light on the floor is that of the quadrature, with the sphere and
       double square = 0;
       constexpr int repeats = 16;
       for (std::uint64_t seed = 1; seed <= repeats; ++seed) {
-        const double mean = mean_of(render(photon_method(name), plan_of(128, 1e5, sphere, seed)).image);
+        const double mean = mean_of(render(method_named(name), plan_of(128, 1e5, sphere, seed)).image);
         sum += mean / repeats;
         square += mean * mean / repeats;
       }
@@ -96,7 +100,7 @@ TEST_CASE("photons give the same bits for any number of threads, and keep what a
   }
   PhotonPlan plan = plan_of(24, 4e6, false);
   plan.progress = [](double share) { return share < 0.5; };
-  const PhotonRendering part = render(photon_method("disc"), plan);
+  const PhotonRendering part = render(method_named("disc"), plan);
   CHECK_FALSE(part.complete);
   CHECK(part.passes > 0);
   CHECK(part.photons < 3e6);
@@ -110,5 +114,5 @@ TEST_CASE("every unbiased method of photons carries its verdict", "[render][exac
     CHECK(method.biased == verdict_of(method).empty());
     if (!method.biased) CHECK_THAT(verdict_of(method), Catch::Contains("variance INFINITE"));
   }
-  CHECK_THROWS_WITH(photon_method("balancd"), Catch::Contains("did you mean 'balanced'"));
+  CHECK_THROWS_WITH(method_named("balancd"), Catch::Contains("did you mean 'balanced'"));
 }

@@ -9,12 +9,15 @@
 #include "catch_shim.hpp"
 #include "render/cloud.hpp"
 #include "render/image.hpp"
+#include "render/named.hpp"
 #include "render/transmittance.hpp"
 
 using namespace debias;
 using namespace debias::render;
 
 namespace {
+
+const TransmittanceMethod& method_named(const char* name) { return named(transmittance_methods(), name); }
 
 constexpr double density = 3;
 
@@ -90,7 +93,7 @@ TEST_CASE("each pixel agrees with quadrature, third part", "[render][statistical
 
 TEST_CASE("an image has the same bits for any number of threads, and the samples of a longer run", "[render][exact]") {
   const Cloud cloud(density);
-  const TransmittanceMethod& method = transmittance_method("telescoping");
+  const TransmittanceMethod& method = method_named("telescoping");
   RenderPlan plan = plan_of(24, 40, 7);
   plan.threads = 1;
   const std::vector<float> one = transmittance_of(render::render(cloud, method, plan), plan).values;
@@ -106,7 +109,7 @@ TEST_CASE("a rendering that is stopped keeps the samples that are complete", "[r
   const Cloud cloud(density);
   RenderPlan plan = plan_of(16, 64, 1);
   plan.threads = 1;
-  const TransmittanceMethod& method = transmittance_method("ratio_tracking");
+  const TransmittanceMethod& method = method_named("ratio_tracking");
   plan.progress = [](double share) { return share < 0.4; };
   const Rendering part = render::render(cloud, method, plan);
   CHECK_FALSE(part.complete);
@@ -169,5 +172,5 @@ TEST_CASE("images as files: linear numbers from the bottom, bytes of an sRGB cur
 }
 
 TEST_CASE("an estimator of transmittance by a wrong name is refused with the nearest", "[render][exact]") {
-  CHECK_THROWS_WITH(transmittance_method("ratio_trackin"), Catch::Contains("did you mean 'ratio_tracking'"));
+  CHECK_THROWS_WITH(method_named("ratio_trackin"), Catch::Contains("did you mean 'ratio_tracking'"));
 }
