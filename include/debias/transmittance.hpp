@@ -139,12 +139,18 @@ class NextFlight {
  public:
   explicit NextFlight(Ray<F> ray) : ray_(std::move(ray)) { detail::require_majorant("next_flight", ray_); }
   Sample<double> operator()(Stream& rng) const {
-    Sample<double> sample{std::exp(-ray_.majorant * ray_.length), 1};
-    double weight = 1;
+    double end = std::exp(-ray_.majorant * ray_.length);  // probability of a flight from here to the end
+    Sample<double> sample{end, 1};
     const double flight = 1 / ray_.majorant;
-    for (double t = flight * rng.exponential(); t < ray_.length && weight != 0; t += flight * rng.exponential()) {
-      weight *= 1 - ray_.extinction(t) / ray_.majorant;
-      sample.value += weight * std::exp(-ray_.majorant * (ray_.length - t));
+    double weight = 1;
+    double t = 0;
+    while (weight != 0) {
+      const double u = rng.uniform();  // e^-(majorant x flight)
+      t -= std::log(u) * flight;
+      if (t >= ray_.length) break;
+      weight *= 1 - ray_.extinction(t) * flight;
+      end = end > smallest ? end / u : std::exp(-ray_.majorant * (ray_.length - t));
+      sample.value += weight * end;
       ++sample.work;
     }
     return sample;
@@ -152,6 +158,7 @@ class NextFlight {
   [[nodiscard]] std::string describe() const { return "next_flight"; }
 
  private:
+  static constexpr double smallest = 1e-280;  // below, quotients would carry on what has underflowed
   Ray<F> ray_;
 };
 
