@@ -1,120 +1,87 @@
 #!/bin/sh
 # The program as a user meets it: exit codes, what is on which stream, and that results can be trusted.
 #   sh tests/cli_test.sh PROGRAM      one line for each check that failed, then their number
-set -u
-[ $# -eq 1 ] || { echo "usage: sh tests/cli_test.sh PROGRAM" >&2; exit 2; }
-case $1 in
-  /*) debias=$1 ;;
-  *) debias=$PWD/$1 ;;
-esac
-here=$(mktemp -d)
-trap 'rm -rf "$here"' EXIT
-cd "$here" || exit 2
-
-checks=0
-failed=0
-# check WHAT COMMAND...: the command must succeed
-check() {
-  what=$1
-  shift
-  checks=$((checks + 1))
-  "$@" || { failed=$((failed + 1)); echo "FAILED: $what"; }
-}
-same() { [ "$1" = "$2" ] || { echo "  '$1' is not '$2'"; false; }; }
-lines() { wc -l < "$1" | tr -d ' '; }
-has() { grep -q -- "$1" "$2" || { echo "  no '$1' in: $(head -c 200 "$2")"; false; }; }
-
-# refused CODE WORD ARGUMENTS...: that exit code, nothing on stdout, one line on stderr, with WORD in it
-refused() {
-  code=$1
-  word=$2
-  shift 2
-  "$debias" "$@" > out 2> err < /dev/null
-  check "exit code of: debias $*" same $? "$code"
-  check "empty stdout of: debias $*" same "$(lines out)" 0
-  check "one line on stderr of: debias $*" same "$(lines err)" 1
-  check "helpful line of: debias $*" has "^debias: .*$word" err
-}
+. "$(dirname -- "$0")/checks.sh"
 
 # ---- wrong command lines
-refused 2 'write list, run'
-refused 2 'see `debias --help`' walk
-refused 2 "did you mean 'validate'" valdate
-refused 2 "did you mean '--version'" --versoin
-refused 2 PROBLEM run
-refused 2 "did you mean 'exp-of-mean'" run exp-of-maen
-refused 2 "'A99' is not a problem" run A99
-refused 2 "'' is not a problem" run ''
-refused 2 "'A03'" run A01 A03
-refused 2 "'validate'" run A01 validate
-refused 2 "did you mean '--samples'" run A01 --sampels 10
-refused 2 "did you mean '--samples'" run --sampels 10 A01
-refused 2 "'-x'" run A01 -x
-refused 2 "--json" run A01 --json=perhaps
-refused 2 "--samples" run A01 --samples
-refused 2 "--samples = '' (empty)" run A01 --samples ''
-refused 2 "--samples = 'nan'" run A01 --samples nan
-refused 2 "--samples = 'inf'" run A01 --samples inf
-refused 2 "--samples = '-1' .*did you mean '1'" run A01 --samples -1
-refused 2 "--samples = '0' .*did you mean '1'" run A01 --samples 0
-refused 2 "--samples = '010' .*did you mean '10'" run A01 --samples 010
-refused 2 "--samples = '1e6x' .*did you mean '1e6'" run A01 --samples 1e6x
-refused 2 "--samples = '1.5'" run A01 --samples 1.5
-refused 2 "--samples = '1,000' .*did you mean '1000'" run A01 --samples 1,000
-refused 2 "--samples = '1e30' .*did you mean '9223372036854775807'" run A01 --samples 1e30
-refused 2 "--samples" run A01 --samples 10 --samples 20
-refused 2 "--seed = '-1' .*did you mean '1'" run A01 --seed -1
-refused 2 "--seed = '18446744073709551616'" run A01 --seed 18446744073709551616
-refused 2 "--seed = '0x10'" run A01 --seed 0x10
-refused 2 "--seed = 'randm' .*did you mean 'random'" run A01 --seed randm
-refused 2 "--threads = '1025' .*did you mean '1024'" run A01 --threads 1025
-refused 2 "--threads = 'two'" run A01 --threads two
-refused 2 "--confidence = '95' .*did you mean '0.95'" run A01 --confidence 95
-refused 2 "--confidence = 'nan'" run A01 --confidence nan
-refused 2 "--confidence = '1'" run A01 --confidence 1
-refused 2 "--law: .*did you mean 'geometric'" run A01 --law geometrc:r=0.5
-refused 2 "--law: .*r = 1.5" run A01 --law geometric:r=1.5
-refused 2 "--law: .*follows the number" run A01 --law geometric:r=0.5x
-refused 2 "--law: " run A01 --law ''
-refused 2 "--law = 'zeta:s=2'" run A01 --estimator truncated --law zeta:s=2
-refused 2 "did you mean 'single_term'" run A01 --estimator single-term
-refused 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
-refused 2 "--base-level = '-1'" run A01 --base-level -1
-refused 2 "level 10[0-9]" run A01 --base-level 99
-refused 2 "no law has both" run E06
-refused 2 "no law has finite variance and finite work.*stable index" run E06 --law auto
-refused 2 "a replay needs the law itself" replay A01 --law auto --seed 1 --sample 1
-refused 2 "'roulette'" run D01 --law auto --estimator roulette
-refused 2 "--block = '0'" run A01 --block 0
-refused 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
-refused 2 "takes its draws from --error" run A01 --estimator multilevel
-refused 2 "no law, base level or block" run A01 --estimator multilevel --error 0.1 --law zeta:s=2
-refused 2 "--error = '0'" run A01 --error 0
-refused 2 "--error = ''" run A01 --error ''
-refused 2 "--time = 'soon'" run A01 --time soon
-refused 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
-refused 2 "keep one" run A01 --error 0.1 --time 1s
-refused 2 "64 bits" run A01 --error 1e-300
-refused 2 "--levels = '1'" survey A01 --levels 1
-refused 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
-refused 2 "--points = '0'" tradeoff A01 --points 0
-refused 2 "a sweep is for" tradeoff A01 --estimator truncated
-refused 2 "--output" run A01 -o ''
-refused 2 "--output" run A01 -o -q
-refused 5 "'no/such/folder/file'" run A01 -o no/such/folder/file
-refused 5 "'/'" run A01 -o /
-refused 2 "'--samples'" --samples 10 run A01
-refused 2 "--seed" replay A01 --sample 1
-refused 2 "--sample" replay A01 --seed 1
-refused 2 "--seed = 'random'" replay A01 --seed random --sample 1
-refused 2 "--sample = '-1'" replay A01 --seed 1 --sample -1
-refused 2 "'exp_of_mean'.*did you mean 'exp-of-mean'" validate A01 exp_of_mean
-refused 2 "--samples = '1'" validate --samples 1
-refused 2 "--confidence" validate A01 --confidence 0.9
-refused 2 "write problems, estimators or laws" list everything
-refused 2 "did you mean 'laws'" list law
-refused 2 "'problems'" list laws problems
-refused 2 "is not a problem" run 'A01
+refused_by 2 'write list, run'
+refused_by 2 'see `debias --help`' walk
+refused_by 2 "did you mean 'validate'" valdate
+refused_by 2 "did you mean '--version'" --versoin
+refused_by 2 PROBLEM run
+refused_by 2 "did you mean 'exp-of-mean'" run exp-of-maen
+refused_by 2 "'A99' is not a problem" run A99
+refused_by 2 "'' is not a problem" run ''
+refused_by 2 "'A03'" run A01 A03
+refused_by 2 "'validate'" run A01 validate
+refused_by 2 "did you mean '--samples'" run A01 --sampels 10
+refused_by 2 "did you mean '--samples'" run --sampels 10 A01
+refused_by 2 "'-x'" run A01 -x
+refused_by 2 "--json" run A01 --json=perhaps
+refused_by 2 "--samples" run A01 --samples
+refused_by 2 "--samples = '' (empty)" run A01 --samples ''
+refused_by 2 "--samples = 'nan'" run A01 --samples nan
+refused_by 2 "--samples = 'inf'" run A01 --samples inf
+refused_by 2 "--samples = '-1' .*did you mean '1'" run A01 --samples -1
+refused_by 2 "--samples = '0' .*did you mean '1'" run A01 --samples 0
+refused_by 2 "--samples = '010' .*did you mean '10'" run A01 --samples 010
+refused_by 2 "--samples = '1e6x' .*did you mean '1e6'" run A01 --samples 1e6x
+refused_by 2 "--samples = '1.5'" run A01 --samples 1.5
+refused_by 2 "--samples = '1,000' .*did you mean '1000'" run A01 --samples 1,000
+refused_by 2 "--samples = '1e30' .*did you mean '9223372036854775807'" run A01 --samples 1e30
+refused_by 2 "--samples" run A01 --samples 10 --samples 20
+refused_by 2 "--seed = '-1' .*did you mean '1'" run A01 --seed -1
+refused_by 2 "--seed = '18446744073709551616'" run A01 --seed 18446744073709551616
+refused_by 2 "--seed = '0x10'" run A01 --seed 0x10
+refused_by 2 "--seed = 'randm' .*did you mean 'random'" run A01 --seed randm
+refused_by 2 "--threads = '1025' .*did you mean '1024'" run A01 --threads 1025
+refused_by 2 "--threads = 'two'" run A01 --threads two
+refused_by 2 "--confidence = '95' .*did you mean '0.95'" run A01 --confidence 95
+refused_by 2 "--confidence = 'nan'" run A01 --confidence nan
+refused_by 2 "--confidence = '1'" run A01 --confidence 1
+refused_by 2 "--law: .*did you mean 'geometric'" run A01 --law geometrc:r=0.5
+refused_by 2 "--law: .*r = 1.5" run A01 --law geometric:r=1.5
+refused_by 2 "--law: .*follows the number" run A01 --law geometric:r=0.5x
+refused_by 2 "--law: " run A01 --law ''
+refused_by 2 "--law = 'zeta:s=2'" run A01 --estimator truncated --law zeta:s=2
+refused_by 2 "did you mean 'single_term'" run A01 --estimator single-term
+refused_by 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
+refused_by 2 "--base-level = '-1'" run A01 --base-level -1
+refused_by 2 "level 10[0-9]" run A01 --base-level 99
+refused_by 2 "no law has both" run E06
+refused_by 2 "no law has finite variance and finite work.*stable index" run E06 --law auto
+refused_by 2 "a replay needs the law itself" replay A01 --law auto --seed 1 --sample 1
+refused_by 2 "'roulette'" run D01 --law auto --estimator roulette
+refused_by 2 "--block = '0'" run A01 --block 0
+refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
+refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
+refused_by 2 "no law, base level or block" run A01 --estimator multilevel --error 0.1 --law zeta:s=2
+refused_by 2 "--error = '0'" run A01 --error 0
+refused_by 2 "--error = ''" run A01 --error ''
+refused_by 2 "--time = 'soon'" run A01 --time soon
+refused_by 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
+refused_by 2 "keep one" run A01 --error 0.1 --time 1s
+refused_by 2 "64 bits" run A01 --error 1e-300
+refused_by 2 "--levels = '1'" survey A01 --levels 1
+refused_by 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
+refused_by 2 "--points = '0'" tradeoff A01 --points 0
+refused_by 2 "a sweep is for" tradeoff A01 --estimator truncated
+refused_by 2 "--output" run A01 -o ''
+refused_by 2 "--output" run A01 -o -q
+refused_by 5 "'no/such/folder/file'" run A01 -o no/such/folder/file
+refused_by 5 "'/'" run A01 -o /
+refused_by 2 "'--samples'" --samples 10 run A01
+refused_by 2 "--seed" replay A01 --sample 1
+refused_by 2 "--sample" replay A01 --seed 1
+refused_by 2 "--seed = 'random'" replay A01 --seed random --sample 1
+refused_by 2 "--sample = '-1'" replay A01 --seed 1 --sample -1
+refused_by 2 "'exp_of_mean'.*did you mean 'exp-of-mean'" validate A01 exp_of_mean
+refused_by 2 "--samples = '1'" validate --samples 1
+refused_by 2 "--confidence" validate A01 --confidence 0.9
+refused_by 2 "write problems, estimators or laws" list everything
+refused_by 2 "did you mean 'laws'" list law
+refused_by 2 "'problems'" list laws problems
+refused_by 2 "is not a problem" run 'A01
 A03'
 
 # ---- files, full disks and readers that have gone
@@ -264,5 +231,4 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   check "valid JSON lines: validate" python3 -c "$strict" lines < cells.jsonl 2> err
 fi
 
-echo "$((checks - failed)) of $checks checks passed"
-[ $failed -eq 0 ]
+conclude

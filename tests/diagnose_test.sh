@@ -1,29 +1,7 @@
 #!/bin/sh
 # `debias diagnose` on good, bad and hostile files: exit codes, streams, and that nothing is left out in silence.
 #   sh tests/diagnose_test.sh PROGRAM      one line for each check that failed, then their number
-set -u
-[ $# -eq 1 ] || { echo "usage: sh tests/diagnose_test.sh PROGRAM" >&2; exit 2; }
-case $1 in
-  /*) debias=$1 ;;
-  *) debias=$PWD/$1 ;;
-esac
-here=$(mktemp -d)
-trap 'rm -rf "$here"' EXIT
-cd "$here" || exit 2
-
-checks=0
-failed=0
-# check WHAT COMMAND...: the command must succeed
-check() {
-  what=$1
-  shift
-  checks=$((checks + 1))
-  "$@" || { failed=$((failed + 1)); echo "FAILED: $what"; }
-}
-same() { [ "$1" = "$2" ] || { echo "  '$1' is not '$2'"; false; }; }
-lines() { wc -l < "$1" | tr -d ' '; }
-has() { grep -q -- "$1" "$2" || { echo "  no '$1' in: $(head -c 300 "$2")"; false; }; }
-lacks() { ! grep -q -- "$1" "$2" || { echo "  '$1' in: $(head -c 300 "$2")"; false; }; }
+. "$(dirname -- "$0")/checks.sh"
 
 # diagnosed CODE ARGUMENTS...: that exit code; the result is in out, complaints are in err
 diagnosed() {
@@ -32,15 +10,12 @@ diagnosed() {
   "$debias" diagnose "$@" > out 2> err
   check "exit code of: debias diagnose $*" same $? "$code"
 }
-# refused CODE WORD ARGUMENTS...: nothing on stdout, one line on stderr with WORD in it
+# refused CODE WORD ARGUMENTS...
 refused() {
   wanted=$1
-  word=$2
+  expected=$2
   shift 2
-  diagnosed "$wanted" "$@" < /dev/null
-  check "empty stdout of: debias diagnose $*" same "$(lines out)" 0
-  check "one line on stderr of: debias diagnose $*" same "$(lines err)" 1
-  check "helpful line of: debias diagnose $*" has "^debias: .*$word" err
+  refused_by "$wanted" "$expected" diagnose "$@"
 }
 
 # ---- good numbers: 1 ... 1000
@@ -181,5 +156,4 @@ head -c 100000000 /dev/zero | (ulimit -v "$memory" && "$debias" diagnose - > out
 check "a row of 100 MB in little memory" same $? 5
 check "and it is named" has 'row 1: longer than' err
 
-echo "$((checks - failed)) of $checks checks passed"
-[ "$failed" -eq 0 ]
+conclude

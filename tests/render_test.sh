@@ -1,44 +1,19 @@
 #!/bin/sh
 # `debias render`: exit codes, files, equal bits, interrupts.
 #   sh tests/render_test.sh PROGRAM      one line for each check that failed, then their number
-set -u
-[ $# -eq 1 ] || { echo "usage: sh tests/render_test.sh PROGRAM" >&2; exit 2; }
-case $1 in
-  /*) debias=$1 ;;
-  *) debias=$PWD/$1 ;;
-esac
-here=$(mktemp -d)
-trap 'rm -rf "$here"' EXIT
-cd "$here" || exit 2
-
-checks=0
-failed=0
-# check WHAT COMMAND...: the command must succeed
-check() {
-  what=$1
-  shift
-  checks=$((checks + 1))
-  "$@" || { failed=$((failed + 1)); echo "FAILED: $what"; }
-}
-same() { [ "$1" = "$2" ] || { echo "  '$1' is not '$2'"; false; }; }
-lines() { wc -l < "$1" | tr -d ' '; }
-has() { grep -aq -- "$1" "$2" || { echo "  no '$1' in: $(head -c 300 "$2")"; false; }; }
+. "$(dirname -- "$0")/checks.sh"
 
 # rendered ARGUMENTS...: exit code 0
 rendered() {
   "$debias" render "$@" > out 2> err
   check "exit code of: debias render $*" same $? 0
 }
-# refused CODE WORD ARGUMENTS...: that exit code, nothing on stdout, one line on stderr, with WORD in it
+# refused CODE WORD ARGUMENTS...
 refused() {
-  code=$1
-  word=$2
+  wanted=$1
+  expected=$2
   shift 2
-  "$debias" render "$@" > out 2> err < /dev/null
-  check "exit code of: debias render $*" same $? "$code"
-  check "empty stdout of: debias render $*" same "$(lines out)" 0
-  check "one line on stderr of: debias render $*" same "$(lines err)" 1
-  check "helpful line of: debias render $*" has "^debias: .*$word" err
+  refused_by "$wanted" "$expected" render "$@"
 }
 
 # ---- wrong command lines
@@ -119,5 +94,4 @@ if command -v python3 > /dev/null && python3 -c '' 2> /dev/null; then
   check "valid JSON of photons" python3 -c 'import json, sys; json.load(open("lamp/index.json"))'
 fi
 
-echo "$((checks - failed)) of $checks checks passed"
-[ $failed -eq 0 ]
+conclude
