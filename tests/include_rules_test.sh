@@ -19,9 +19,9 @@ may_include() {
     sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
-    # published estimators, of which the law is a part
-    transmittance) echo "$no_runner|taylor|function_of_mean|functions|estimators/(roulette|truncated)|pmf/bhanot_kennedy" ;;
-    photon) echo "$no_runner|pmf/geometric" ;;
+    # the laws of published schedules
+    transmittance) echo "$no_runner|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
+    photon) echo "$no_runner|pmf/(geometric|radius)" ;;
     survey | diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey|diagnostics' ;;
     recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;

@@ -23,11 +23,11 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
-#include <debias/core/pmf.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/pmf/geometric.hpp>
+#include <debias/pmf/radius.hpp>
 
 namespace debias {
 
@@ -110,29 +110,6 @@ struct GeometricRadii {
   [[nodiscard]] std::string describe() const {
     return "r^2 / " + std::to_string(shrink) + " and photons x " + std::to_string(growth) + " a level";
   }
-};
-
-/// p_j = (j + 1)^(alpha - 1) - (j + 2)^(alpha - 1): masses like the steps of r^2, the mean of D / p is constant.
-class RadiusLaw {
- public:
-  explicit RadiusLaw(double alpha) : alpha_(alpha) {}
-  [[nodiscard]] double tail(std::int64_t j) const { return std::pow(static_cast<double>(j) + 1, alpha_ - 1); }
-  [[nodiscard]] double mass(std::int64_t j) const {
-    return -tail(j) * std::expm1((alpha_ - 1) * std::log1p(1 / (static_cast<double>(j) + 1)));
-  }
-  /// Throws std::length_error for a level of 2^62 or more; of 10^6 samples one gets there at alpha = 2/3.
-  [[nodiscard]] std::int64_t sample(double u) const {
-    const double guess = std::pow(u, 1 / (alpha_ - 1)) - 1;
-    if (!(guess < 0x1p62)) throw std::length_error("RadiusLaw: a level beyond int64 (a cut would be a bias)");
-    const auto j = static_cast<std::int64_t>(guess);
-    // Beyond 2^50 neighbouring tails are equal doubles, and a search among them has no end.
-    return guess > 0x1p50 ? j : invert_tail([this](std::int64_t i) { return tail(i); }, u, j);
-  }
-  [[nodiscard]] TailExponent tail_exponent() const { return {2 - alpha_, Decay::polynomial}; }
-  [[nodiscard]] std::string spec() const { return "radius:alpha=" + std::to_string(alpha_); }
-
- private:
-  double alpha_;
 };
 
 /// r_k^2 = radius^2 (k + 1)^(alpha - 1), n_k = photons (k + 1)^(1 - c alpha).

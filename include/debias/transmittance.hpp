@@ -6,12 +6,13 @@
 //   ratio_tracking           majorant            tau_m                          * variance T^2 (exp(E X^2 / tau_m) - 1)
 //   residual_ratio_tracking  both bounds         (majorant - minorant) length   * a control far from mu
 //   next_flight              majorant            tau_m                          *
-//   p_series_cumulative      majorant            1 to 2 tau_m + 2               * throws for tau_m > 700
-//   p_series_cmf             majorant            tau_m + 3 sqrt(tau_m) + 1      * throws for tau_m > 700
+//   p-series, cumulative     majorant            1 to 2 tau_m + 2               * throws for tau_m > 700
+//   p-series, CMF            majorant            tau_m + 3 sqrt(tau_m) + 1      * throws for tau_m > 700
 //   u_statistics             points of a comb    1.32 combs                     combs that differ by more than 1
 //   telescoping, any g       nothing             2^(m + 1) r / (2 r - 1)        combs of 2^m points that differ by more
-//   ray_marching, any g      nothing             2^level                        everything: biased; also with jitter
+//   ray marching, any g      nothing             2^level                        everything: biased; also with jitter
 // tau_m = majorant length, X = mu(U) length, m = base level. *: with mu > majorant unbiased, but far noisier.
+// p-series are roulette on transmittance_series, ray marching is `truncated` on telescoping or jittered_telescoping.
 // Davis and power laws: telescoping, u_statistics with a Geometric order, or davis_mixture of any row. Sources: Cramer
 // 1978 (next flight), Novak et al. 2014 (residual), Georgiev et al. 2019, Kettunen et al. 2021, Misso et al. 2022.
 
@@ -26,8 +27,6 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
-#include <debias/estimators/roulette.hpp>
-#include <debias/estimators/truncated.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
@@ -201,18 +200,14 @@ auto optical_depth(const Ray<F>& ray) {
   return [f = ray.extinction, length = ray.length](Stream& rng) { return length * f(length * rng.uniform()); };
 }
 
-/// The terms of the power series of g about the majorant optical depth.
+/// The terms of the power series of g about the majorant optical depth tau_m, for roulette:
+///   cumulative  RunningWeight(exp(-tau_m))
+///   CMF         IndexRoulette(tau_m), {.base_level = poisson_quantile(tau_m, 0.99)}
+/// With a minorant, (majorant - minorant) length takes the place of tau_m in both numbers of the CMF.
 template <class F, Expandable G = functions::ExpMinus>
 auto transmittance_series(const Ray<F>& ray, const G& g = {}) {
   detail::require_majorant("transmittance_series", ray);
   return taylor(optical_depth(ray), g, ray.majorant * ray.length);
-}
-
-/// Roulette on the running weight of the series.
-template <class F>
-auto p_series_cumulative(const Ray<F>& ray) {
-  const auto series = transmittance_series(ray);
-  return roulette(series, RunningWeight(std::exp(-ray.majorant * ray.length)));
 }
 
 /// The number of terms that reaches `probability` of a Poisson law of that mean.
@@ -225,14 +220,6 @@ inline std::int64_t poisson_quantile(double mean, double probability) {
     cdf += mass;
   }
   return k;
-}
-
-/// The first terms, to the 99 % quantile of the Poisson law, and roulette by index beyond.
-template <class F>
-auto p_series_cmf(const Ray<F>& ray) {
-  const auto series = transmittance_series(ray);
-  const double residual = (ray.majorant - ray.minorant) * ray.length;
-  return roulette(series, IndexRoulette(std::max(residual, 1e-3)), {.base_level = poisson_quantile(residual, 0.99)});
 }
 
 /// Points of the combs: as many look-ups as a p-series has terms, over the expected draws.
@@ -264,14 +251,10 @@ auto telescoping(const Ray<F>& ray, const G& g = {}) {
   return function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
-/// Biased: g of one comb of 2^level points with a random offset, or of as many jittered points.
+/// The same with jittered points, for media that do not continue periodically.
 template <class F, class G = functions::ExpMinus>
-auto ray_marching(const Ray<F>& ray, std::int64_t level, const G& g = {}) {
-  return truncated(telescoping(ray, g), level);
-}
-template <class F, class G = functions::ExpMinus>
-auto jittered_ray_marching(const Ray<F>& ray, std::int64_t level, const G& g = {}) {
-  return truncated(function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length}), level);
+auto jittered_telescoping(const Ray<F>& ray, const G& g = {}) {
+  return function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
 // ---- correlated media
@@ -294,7 +277,7 @@ inline double unit_mean_gamma(double c, Stream& rng) {
 }  // namespace detail
 
 /// (1 + c^2 tau)^(-1 / c^2) = E exp(-M tau), M gamma with mean 1 and variance c^2: `make(m)` is any unbiased
-/// estimator of exp(-m tau), `p_series_cumulative(denser(ray, m))`, say. Its variance has to be finite on
+/// estimator of exp(-m tau), `next_flight(denser(ray, m))`, say. Its variance has to be finite on
 /// average over M: ratio tracking has exp(m (E X^2 / tau_m - 2 tau)) there.
 template <class Make>
 class DavisMixture {

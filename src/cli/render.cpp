@@ -124,8 +124,6 @@ int report(const Arguments& arguments, const Pictures& all) {
                       std::isnan(p.error) ? "" : rounded(p.error)});
     }
     print_table(out.stream(), rows);
-  }
-  if (!arguments.json) {
     for (const Picture& p : all.pictures) {
       if (!p.verdict.empty()) print_line(out.stream(), p.name, p.verdict);
     }

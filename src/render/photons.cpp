@@ -49,7 +49,7 @@ const Geometric published(0.65);
 struct Pass {
   std::int64_t photons = 0;
   std::int64_t base_photons = 0;  // the first ones, under the base kernel as well
-  std::uint64_t level = 0;
+  std::int64_t level = 0;
   double base2 = 0;
   double fine2 = 0;
   double coarse2 = 0;
@@ -59,7 +59,7 @@ struct Pass {
 template <class Schedule, class Law>
 Pass unbiased_pass(const Schedule& schedule, const Law& law, double u) {
   const std::int64_t j = law.sample(u);
-  return {schedule.photons_at(j + 1), schedule.photons_at(0), static_cast<std::uint64_t>(j + 1), schedule.radius2(0),
+  return {schedule.photons_at(j + 1), schedule.photons_at(0), j + 1, schedule.radius2(0),
           schedule.radius2(j + 1),    schedule.radius2(j),    inverse_weight(law.mass(j), j + 1)};
 }
 
@@ -182,7 +182,7 @@ class Points {
 void add_pass(const PhotonMethod& method, const PhotonPlan& plan, const Stream& rng, const Pass& pass,
               std::vector<double>& sums) {
   const Kernel kernel = method.name == "disc" ? Kernel::disc : Kernel::epanechnikov;
-  Stream photons = rng.split(pass.level);
+  Stream photons = split_level(rng, pass.level);
   // One offset for all pixels: the mean over it is the mean over each pixel.
   const double offset_x = photons.uniform();
   const double offset_y = photons.uniform();

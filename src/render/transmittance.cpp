@@ -9,7 +9,9 @@
 #include <vector>
 
 #include <debias/core/estimator.hpp>
+#include <debias/estimators/roulette.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/estimators/truncated.hpp>
 
 #include "parallel.hpp"
 
@@ -34,11 +36,18 @@ void add_samples(const Ray<Path>& ray, std::uint64_t seed, std::uint64_t pixel, 
 
 template <int level>
 auto marching(const Ray<Path>& ray) {
-  return ray_marching(ray, level);
+  return truncated(telescoping(ray), level);
 }
 template <int level>
 auto jittered(const Ray<Path>& ray) {
-  return jittered_ray_marching(ray, level);
+  return truncated(jittered_telescoping(ray), level);
+}
+auto cumulative(const Ray<Path>& ray) {
+  return roulette(transmittance_series(ray), RunningWeight(std::exp(-ray.majorant * ray.length)));
+}
+auto cmf(const Ray<Path>& ray) {
+  const double depth = ray.majorant * ray.length;
+  return roulette(transmittance_series(ray), IndexRoulette(depth), {.base_level = poisson_quantile(depth, 0.99)});
 }
 template <int level>
 auto telescope(const Ray<Path>& ray) {
@@ -60,10 +69,8 @@ constexpr TransmittanceMethod methods[] = {
     {"residual_ratio_tracking", "ratio tracking of the difference from a control", false, add_samples<residual, 1>},
     {"next_flight", "ratio tracking with the flight to the end at each collision", false,
      add_samples<next_flight<Path>, 1>},
-    {"p_series_cumulative", "power series, roulette on the running weight", false,
-     add_samples<p_series_cumulative<Path>, 1>},
-    {"p_series_cmf", "power series, terms to the 99 % quantile, then roulette", false,
-     add_samples<p_series_cmf<Path>, 1>},
+    {"p_series_cumulative", "power series, roulette on the running weight", false, add_samples<cumulative, 1>},
+    {"p_series_cmf", "power series, terms to the 99 % quantile, then roulette", false, add_samples<cmf, 1>},
     {"u_statistics", "pivoted power series of combs", false,
      add_samples<static_cast<decltype(u_statistics(std::declval<const Ray<Path>&>())) (*)(const Ray<Path>&)>(
          u_statistics<Path>)>},
