@@ -51,9 +51,10 @@ Loop<Sample> loop(const Sample& sample) {
 
 namespace plain {
 
-/// g(E X) by doubling independent draws: geometric law with parameter r, the base averaged over all draws.
-template <class X, class G>
-double doubling(const X& x, const G& g, double r, Stream& order, Stream& points) {
+/// A function of E X by doubling independent draws: geometric law with parameter r, base(x) averaged over all draws,
+/// and gap(n, mean, half the difference of the halves) of n draws weighted.
+template <class X, class BaseOf, class GapOf>
+double doubling(const X& x, const BaseOf& base, const GapOf& gap, double r, Stream& order, Stream& points) {
   const auto [level, mass] = geometric_level(1, r, order);
   const int n = 1 << level;
   Stream draws = points_of_level(order, points, level);
@@ -65,9 +66,14 @@ double doubling(const X& x, const G& g, double r, Stream& order, Stream& points)
     const double b = x(draws);
     even += a;
     odd += b;
-    bases += g(a) + g(b);
+    bases += base(a) + base(b);
   }
-  return bases / n + g.gap((even + odd) / n, (even - odd) / n) / mass;
+  return bases / n + gap(n, (even + odd) / n, (even - odd) / n) / mass;
+}
+template <class X, class G>
+double doubling(const X& x, const G& g, double r, Stream& order, Stream& points) {
+  return doubling(
+      x, g, [&g](int, double mean, double half) { return g.gap(mean, half); }, r, order, points);
 }
 
 }  // namespace plain
@@ -135,8 +141,8 @@ Cell measure(const std::string& method, const E& e, double truth, double free_wo
           scale * (r.work_per_sample() - free_work)};
 }
 template <Estimator E, class Plain>
-Cell measure_against(const std::string& method, const E& e, const Plain& plain, double truth,
-                     double free_work = 0, double scale = 1) {
+Cell measure_against(const std::string& method, const E& e, const Plain& plain, double truth, double free_work = 0,
+                     double scale = 1) {
   Cell cell = measure(method, e, truth, free_work, scale);
   cell.time = time_against(e, plain, 25);
   return cell;
@@ -176,8 +182,8 @@ class Table {
       }
       std::snprintf(text, sizeof text, " %.2g%s |", v, std::isfinite(v) && !(c.error < 0.1) ? " ?" : "");
       variances_ += text;
-      std::snprintf(text, sizeof text, " %.0f (%.2f) |",
-                    1e9 * c.time.ours / static_cast<double>(round_samples), c.time.ratio);
+      std::snprintf(text, sizeof text, " %.0f (%.2f) |", 1e9 * c.time.ours / static_cast<double>(round_samples),
+                    c.time.ratio);
       times_ += c.time.ratio > 0 ? text : " - |";
     }
     variances_ += " " + least + " |\n";

@@ -50,23 +50,13 @@ double plain_series(const X& x, double a, double s, Stream& order, Stream& point
 /// Doubling of 1 / max(mean, scale 2^-(level + 1)), geometric law with parameter r.
 template <class X>
 double plain_clamped(const X& x, double scale, double r, Stream& order, Stream& points) {
-  const auto [level, mass] = plain::geometric_level(1, r, order);
-  const int n = 1 << level;
-  const double floor = scale / (2.0 * n);  // of the level; twice that one level below
-  Stream draws = plain::points_of_level(order, points, level);
-  double even = 0;
-  double odd = 0;
-  double bases = 0;
-  for (int i = 0; i < n; i += 2) {
-    const double a = x(draws);
-    const double b = x(draws);
-    even += a;
-    odd += b;
-    bases += 1 / std::fmax(a, scale / 2) + 1 / std::fmax(b, scale / 2);
-  }
-  const double fine = 1 / std::fmax((even + odd) / n, floor);
-  const double coarse = 0.5 / std::fmax(2 * even / n, 2 * floor) + 0.5 / std::fmax(2 * odd / n, 2 * floor);
-  return bases / n + (fine - coarse) / mass;
+  const auto base = [scale](double value) { return 1 / std::fmax(value, scale / 2); };
+  const auto gap = [scale](int n, double mean, double half) {
+    const double coarse = scale / n;  // the least mean one level below
+    return 1 / std::fmax(mean, coarse / 2) - 0.5 / std::fmax(mean + half, coarse) -
+           0.5 / std::fmax(mean - half, coarse);
+  };
+  return plain::doubling(x, base, gap, r, order, points);
 }
 
 /// An integrand with its bounds, and the moments of f(U).

@@ -48,10 +48,8 @@ void lookups(benchmark::State& state, const render::TransmittanceMethod& method)
 
 [[maybe_unused]] const bool registered = [] {
   for (const render::TransmittanceMethod& method : render::transmittance_methods()) {
-    benchmark::RegisterBenchmark(("render/lookups/" + std::string(method.name)).c_str(), [&method](
-                                                                                             benchmark::State& state) {
-      lookups(state, method);
-    })->Iterations(1);
+    const auto run = [&method](benchmark::State& state) { lookups(state, method); };
+    benchmark::RegisterBenchmark(("render/lookups/" + std::string(method.name)).c_str(), run)->Iterations(1);
   }
   return true;
 }();

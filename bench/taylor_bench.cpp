@@ -15,6 +15,7 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/taylor.hpp>
+#include <debias/transmittance.hpp>
 
 #include "against_loops.hpp"
 #include "baseline_exponential.hpp"
@@ -22,13 +23,6 @@
 
 namespace debias::bench {
 namespace {
-
-int prefix_of(double bound) {
-  const Poisson law(bound);
-  int k = 0;
-  while (law.tail(k + 1) > 0.01) ++k;
-  return k;
-}
 
 const BhanotKennedy order_law(0.9, 2, 2);
 const functions::ExpMinus exp_minus;
@@ -42,7 +36,7 @@ void register_comparisons(double tau) {
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
   const auto series = taylor(x, exp_minus, a);
   const std::string where = std::string("/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau));
-  const int k = prefix_of(a);
+  const int k = static_cast<int>(poisson_quantile(a, 0.99));
   register_comparison("ratio_tracking" + where, single_term(series, Poisson(a), {.base = Base::drawn}),
                       [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); });
   register_comparison("p_series_cumulative" + where, roulette(series, RunningWeight(std::exp(-a))),
@@ -79,7 +73,7 @@ void add_rows(Table& table, double tau) {
   const double truth = std::exp(-tau);
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
   const auto series = taylor(x, exp_minus, a);
-  const int k = prefix_of(a);
+  const int k = static_cast<int>(poisson_quantile(a, 0.99));
   const Cell tracking = ratio_tracking(f, truth);
   const Cell cumulative = measure_against(
       "p-series cumulative", roulette(series, RunningWeight(std::exp(-a))),
