@@ -14,12 +14,14 @@
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a law divides by p_k.
 
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -29,6 +31,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/function_of_mean/points.hpp>
 
@@ -54,6 +57,13 @@ template <class G, class M>
 concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
   requires Value<std::remove_cvref_t<decltype(g.at(level, m))>>;
   { g.gap(level, m, m) } -> std::same_as<std::remove_cvref_t<decltype(g.at(level, m))>>;
+};
+
+/// A function with batch forms (functions.hpp): values(m) in place, gaps(m, d) with the gap in d.
+template <class G>
+concept BatchedFunction = requires(const G& g, std::span<double> m) {
+  g.values(m);
+  g.gaps(m, m);
 };
 
 template <class G, class M>
@@ -127,10 +137,7 @@ class Doubling {
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
   /// those of one half, would be biased. Throws std::invalid_argument unless 0 <= base_level < level.
   [[gnu::always_inline]] SharedDraw<value_type> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
-    if (base_level >= level) {
-      throw std::invalid_argument("doubling: base_level = " + std::to_string(base_level) +
-                                  " (must lie below level = " + std::to_string(level) + ")");
-    }
+    check_shared(level, base_level);
     const double per_point = points_.scale * detail::share_of_draw(base_level);
     detail::RunningSum<mean_t<value_type>> values;
     const auto add = [&](const Mean& group) {
@@ -142,6 +149,46 @@ class Doubling {
     });
     return {static_cast<value_type>(scaled(values.total(), detail::share_of_draw(level - base_level))),
             difference(sums, level), work(level)};
+  }
+
+  // ---- many members at once
+
+  static constexpr bool batches =
+      detail::BatchedPoints<P> && std::same_as<value_type, double> && !detail::LevelFunction<G, Mean>;
+
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    Sums sums;
+    sum_up(level, level, batch, sums, [](std::span<double>) {});
+    const std::span<double> means = std::span(sums.even).first(out.size());
+    for (double& x : means) x *= points_.scale * detail::share_of_draw(level);
+    apply(level, means);
+    for (std::size_t b = 0; b < out.size(); ++b) out[b] = {means[b], work(level)};
+  }
+
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    if (level == 0) return values(level, batch, out);
+    Sums sums;
+    sum_up(level, 0, batch, sums, [](std::span<double>) {});
+    gaps(level, sums, out.size());
+    for (std::size_t b = 0; b < out.size(); ++b) out[b] = {sums.odd[b], work(level)};
+  }
+
+  void shared(std::int64_t level, std::int64_t base_level, StreamBatch& batch,
+              std::span<SharedDraw<value_type>> out) const requires batches {
+    check_shared(level, base_level);
+    const double per_point = points_.scale * detail::share_of_draw(base_level);
+    std::array<double, StreamBatch::capacity> bases{};
+    Sums sums;
+    sum_up(level, base_level, batch, sums, [&](std::span<double> groups) {
+      for (double& x : groups) x *= per_point;
+      apply(base_level, groups);
+      for (std::size_t i = 0; i < groups.size(); i += out.size()) {
+        for (std::size_t b = 0; b < out.size(); ++b) bases[b] += groups[i + b];
+      }
+    });
+    gaps(level, sums, out.size());
+    const double share = detail::share_of_draw(level - base_level);
+    for (std::size_t b = 0; b < out.size(); ++b) out[b] = {bases[b] * share, sums.odd[b], work(level)};
   }
 
   /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
@@ -201,6 +248,61 @@ class Doubling {
       sums.odd = sum(std::move(sums.odd), odd);
     }
     return sums;
+  }
+
+  static void check_shared(std::int64_t level, std::int64_t base_level) {
+    if (base_level < level) return;
+    throw std::invalid_argument("doubling: base_level = " + std::to_string(base_level) +
+                                " (must lie below level = " + std::to_string(level) + ")");
+  }
+
+  /// Of each member: the sums over the even and over the odd groups.
+  struct Sums {
+    std::array<double, StreamBatch::capacity> even{};
+    std::array<double, StreamBatch::capacity> odd{};
+  };
+
+  /// `visit` sees the sums of all groups, some at a time: it may overwrite them.
+  template <class Visit>
+  void sum_up(std::int64_t level, std::int64_t group_level, StreamBatch& batch, Sums& sums, const Visit& visit) const {
+    doubled_draws(level);
+    const std::int64_t groups = doubled_draws(level - group_level);
+    const std::size_t members = batch.size();
+    auto next = points_.batch(level, group_level, batch);
+    std::array<double, detail::block_size> block;
+    for (std::int64_t done = 0; done < groups;) {
+      const std::int64_t some = next(std::span<double, detail::block_size>(block));
+      for (std::int64_t r = 0; r < some; ++r) {
+        double* const into = ((done + r) & 1) == 0 ? sums.even.data() : sums.odd.data();
+        const double* const from = &block[static_cast<std::size_t>(r) * members];
+        for (std::size_t b = 0; b < members; ++b) into[b] += from[b];
+      }
+      visit(std::span(block).first(static_cast<std::size_t>(some) * members));
+      done += some;
+    }
+  }
+
+  void apply(std::int64_t level, std::span<double> means) const {
+    if constexpr (detail::BatchedFunction<G>) {
+      g_.values(means);
+    } else {
+      for (double& x : means) x = detail::value_at(g_, level, x);
+    }
+  }
+
+  /// The differences of all members, where the sums over the odd groups were.
+  void gaps(std::int64_t level, Sums& sums, std::size_t members) const {
+    const double per_point = points_.scale * detail::share_of_draw(level);
+    if constexpr (detail::BatchedFunction<G>) {
+      for (std::size_t b = 0; b < members; ++b) {
+        const double even = sums.even[b];
+        sums.even[b] = (even + sums.odd[b]) * per_point;
+        sums.odd[b] = (even - sums.odd[b]) * per_point;
+      }
+      g_.gaps(std::span(sums.even).first(members), std::span(sums.odd).first(members));
+    } else {
+      for (std::size_t b = 0; b < members; ++b) sums.odd[b] = difference(Halves{sums.even[b], sums.odd[b]}, level);
+    }
   }
 
   value_type value_of_one_point(Stream& rng) const {

@@ -11,6 +11,7 @@
 // expand(a) is the power series of g about a, for taylor.hpp; it throws std::invalid_argument where there is
 // none. Each takes one real number; componentwise(g) makes it a function of real arrays. A g of yours with a
 // member gap(m, d) is used in the same way.
+// values(m) and gaps(m, d), where there are some, do the same to many numbers in place: d becomes the gap.
 // Source: derived here from expm1, atanh and (a - b)(a + b); tested against 50 digits.
 
 #include <algorithm>
@@ -18,12 +19,14 @@
 #include <concepts>
 #include <cstddef>
 #include <limits>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
 
 #include <debias/core/value.hpp>
+#include <debias/core/vector_math.hpp>
 #include <debias/power_series.hpp>
 
 namespace debias::functions {
@@ -46,6 +49,18 @@ struct Exp {
     const double fall = std::expm1(-std::abs(d));
     return -0.5 * std::exp(m + std::abs(d)) * fall * fall;
   }
+  static void values(std::span<double> m) { vector_math::exp(m); }
+  /// Uses m up.
+  static void gaps(std::span<double> m, std::span<double> d) {
+    for (std::size_t i = 0; i < m.size(); ++i) {
+      d[i] = std::abs(d[i]);
+      m[i] += d[i];
+      d[i] = -d[i];
+    }
+    vector_math::exp(m);
+    vector_math::expm1(d);
+    for (std::size_t i = 0; i < m.size(); ++i) d[i] = -0.5 * m[i] * d[i] * d[i];
+  }
   ExponentialSeries expand(double a) const {
     detail::require_centre(std::abs(a) <= 700, "Exp", a,
                            "lie in [-700, 700], where doubles hold its exponential");
@@ -57,10 +72,23 @@ struct Exp {
 struct ExpMinus {
   double operator()(double m) const { return std::exp(-m); }
   double gap(double m, double d) const { return Exp{}.gap(-m, d); }
+  static void values(std::span<double> m) {
+    negate(m);
+    vector_math::exp(m);
+  }
+  static void gaps(std::span<double> m, std::span<double> d) {
+    negate(m);
+    Exp::gaps(m, d);
+  }
   ExponentialSeries expand(double a) const {
     detail::require_centre(std::abs(a) <= 700, "ExpMinus", a,
                            "lie in [-700, 700], where doubles hold its exponential");
     return {(*this)(a), -1, a};
+  }
+
+ private:
+  static void negate(std::span<double> m) {
+    for (double& x : m) x = -x;
   }
 };
 
@@ -91,6 +119,15 @@ struct Log {
     if (!(m > 0)) return std::numeric_limits<double>::quiet_NaN();  // (d / m)^2 has forgotten the sign of m
     const double r = d / m;
     return -0.5 * std::log1p(-r * r);
+  }
+  static void values(std::span<double> m) { vector_math::log(m); }
+  static void gaps(std::span<double> m, std::span<double> d) {
+    for (std::size_t i = 0; i < m.size(); ++i) {
+      const double r = d[i] / m[i];
+      d[i] = m[i] > 0 ? -r * r : std::numeric_limits<double>::quiet_NaN();
+    }
+    vector_math::log1p(d);
+    for (double& x : d) x *= -0.5;
   }
   LogSeries expand(double a) const {
     detail::require_centre(a > 0, "Log", a, "be positive");

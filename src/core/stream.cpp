@@ -1,5 +1,18 @@
 #include <debias/core/stream.hpp>
 
+#include <algorithm>
+#include <array>
+
+#include <debias/core/instructions.hpp>
+#include <debias/core/stream_batch.hpp>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#if !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // of _mm512_undefined_epi32 (GCC bug 105593)
+#endif
+#endif
+
 namespace debias {
 namespace {
 
@@ -8,14 +21,14 @@ struct Rational {
   double p[8];
   double q[8];
 
-  double operator()(double r) const {
-    double numerator = p[7];
-    double denominator = q[7];
-    for (int i = 6; i >= 0; --i) {
-      numerator = numerator * r + p[i];
-      denominator = denominator * r + q[i];
-    }
-    return numerator / denominator;
+  [[gnu::always_inline]] double operator()(double r) const {
+    return horner(p, r) / horner(q, r);
+  }
+
+ private:
+  // Written out, so that a loop over many r is a loop over vectors.
+  [[gnu::always_inline]] static double horner(const double (&c)[8], double r) {
+    return ((((((c[7] * r + c[6]) * r + c[5]) * r + c[4]) * r + c[3]) * r + c[2]) * r + c[1]) * r + c[0];
   }
 };
 
@@ -40,14 +53,227 @@ constexpr Rational far = {
      7.86869131145613259100e-4, 1.84631831751005468180e-5, 1.42151175831644588870e-7,
      2.04426310338993978564e-15}};
 
+constexpr double central_width = 0.425;
+
+[[gnu::always_inline]] inline double central_quantile(double u) {
+  const double q = u - 0.5;
+  return q * central(0.180625 - q * q);
+}
+
+// Of all numbers, as if all were central.
+[[gnu::always_inline]] inline void central_quantiles(const double* u, double* x, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) x[i] = central_quantile(u[i]);
+}
+
 }  // namespace
 
 double normal_quantile(double u) {
   const double q = u - 0.5;
-  if (std::abs(q) <= 0.425) return q * central(0.180625 - q * q);
+  if (std::abs(q) <= central_width) return central_quantile(u);
   const double r = std::sqrt(-std::log(q < 0 ? u : 1 - u));
   const double magnitude = r <= 5 ? middle(r - 1.6) : far(r - 5);
   return q < 0 ? -magnitude : magnitude;
+}
+
+// ---- many numbers at once
+
+namespace {
+
+#if defined(__x86_64__)
+
+// Philox2x64-10 of eight counters side by side, `chains` times over to hide latencies. AVX-512 only: four lanes of
+// AVX2, which multiply 32 bits at a time, take longer than one multiplication of 64 bits after the other.
+
+constexpr std::uint64_t multiplier = 0xD2B74407B1CE6E93u;
+constexpr std::uint64_t weyl = 0x9E3779B97F4A7C15u;
+constexpr std::size_t lanes = 8;
+constexpr std::size_t chains = 4;
+
+struct Blocks {
+  __m512i first[chains];   // counters, then the first numbers
+  __m512i second[chains];  // indices, then the second numbers
+  __m512i key[chains];
+};
+
+// The upper 64 bits of a times the multiplier, from pieces of 52 and 12 bits.
+[[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma"), gnu::always_inline]] inline __m512i upper_product(__m512i a) {
+  const __m512i low = _mm512_set1_epi64(static_cast<long long>(multiplier));  // an operand is its lower 52 bits
+  const __m512i high = _mm512_set1_epi64(static_cast<long long>(multiplier >> 52));
+  const __m512i top = _mm512_srli_epi64(a, 52);
+  __m512i p = _mm512_madd52hi_epu64(_mm512_setzero_si512(), a, low);
+  __m512i q = _mm512_madd52hi_epu64(_mm512_setzero_si512(), a, high);
+  p = _mm512_madd52lo_epu64(p, top, low);
+  q = _mm512_madd52hi_epu64(q, top, low);
+  p = _mm512_madd52lo_epu64(p, a, high);
+  q = _mm512_madd52lo_epu64(q, top, high);
+  return _mm512_add_epi64(_mm512_srli_epi64(p, 12), _mm512_slli_epi64(q, 40));
+}
+
+[[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma"), gnu::always_inline]] inline void philox(Blocks& x) {
+  const __m512i m = _mm512_set1_epi64(static_cast<long long>(multiplier));
+  for (int round = 0; round < 10; ++round) {
+    for (std::size_t c = 0; c < chains; ++c) {
+      const __m512i upper = upper_product(x.first[c]);
+      const __m512i lower = _mm512_mullo_epi64(x.first[c], m);
+      x.first[c] = _mm512_ternarylogic_epi64(upper, x.key[c], x.second[c], 0x96);  // exclusive or of the three
+      x.second[c] = lower;
+      x.key[c] = _mm512_add_epi64(x.key[c], _mm512_set1_epi64(static_cast<long long>(weyl)));
+    }
+  }
+}
+
+// Stream::to_uniform: the 52 bits as those of a number in [1, 2), less 1 - 2^-53. Exact, and so the same.
+[[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma"), gnu::always_inline]] inline __m512d to_uniforms(__m512i bits) {
+  const __m512i one = _mm512_castpd_si512(_mm512_set1_pd(1));
+  return _mm512_sub_pd(_mm512_castsi512_pd(_mm512_or_si512(_mm512_srli_epi64(bits, 12), one)),
+                       _mm512_set1_pd(1 - 0x1p-53));
+}
+
+// The numbers from block `first` of one stream on; out.size() is a multiple of bulk.
+constexpr std::size_t bulk = 2 * lanes * chains;
+[[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma")]] void fill_bulk(std::uint64_t first, std::uint64_t index,
+                                                                       std::uint64_t key, std::span<double> out) {
+  const __m512i low_half = _mm512_set_epi64(11, 3, 10, 2, 9, 1, 8, 0);
+  const __m512i high_half = _mm512_set_epi64(15, 7, 14, 6, 13, 5, 12, 4);
+  for (std::size_t i = 0; i < out.size(); i += bulk, first += lanes * chains) {
+    Blocks x;
+    for (std::size_t c = 0; c < chains; ++c) {
+      x.first[c] = _mm512_add_epi64(_mm512_set1_epi64(static_cast<long long>(first + lanes * c)),
+                                    _mm512_set_epi64(7, 6, 5, 4, 3, 2, 1, 0));
+      x.second[c] = _mm512_set1_epi64(static_cast<long long>(index));
+      x.key[c] = _mm512_set1_epi64(static_cast<long long>(key));
+    }
+    philox(x);
+    for (std::size_t c = 0; c < chains; ++c) {
+      const __m512d a = to_uniforms(x.first[c]);
+      const __m512d b = to_uniforms(x.second[c]);
+      double* const to = &out[i + 2 * lanes * c];
+      _mm512_storeu_pd(to, _mm512_permutex2var_pd(a, low_half, b));
+      _mm512_storeu_pd(to + lanes, _mm512_permutex2var_pd(a, high_half, b));
+    }
+  }
+}
+
+// Rows of one number a stream: row t holds the numbers at `position` + t. The keys may be read up to the next multiple
+// of eight.
+[[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma")]] void fill_rows(std::uint64_t position, std::uint64_t index,
+                                                                       const std::uint64_t* keys, std::size_t size,
+                                                                       std::span<double> out) {
+  const std::size_t groups = (size + lanes - 1) / lanes;
+  const std::uint64_t first = position / 2;
+  const std::size_t rows = out.size() / size;
+  const auto skipped = static_cast<std::size_t>(position % 2);  // a block whose first number has been drawn
+  const std::size_t units = (skipped + rows + 1) / 2 * groups;   // blocks of eight streams
+  for (std::size_t u = 0; u < units; u += chains) {
+    Blocks x;
+    for (std::size_t c = 0; c < chains; ++c) {  // beyond the last: numbers that are not stored
+      x.first[c] = _mm512_set1_epi64(static_cast<long long>(first + (u + c) / groups));
+      x.second[c] = _mm512_set1_epi64(static_cast<long long>(index));
+      x.key[c] = _mm512_loadu_si512(keys + lanes * ((u + c) % groups));
+    }
+    philox(x);
+    for (std::size_t c = 0; c < chains && u + c < units; ++c) {
+      const std::size_t member = lanes * ((u + c) % groups);
+      const auto mask = static_cast<__mmask8>(size - member >= lanes ? 0xff : (1 << (size - member)) - 1);
+      const std::size_t row = 2 * ((u + c) / groups);  // of the first number, from the first of the block on
+      if (row >= skipped) _mm512_mask_storeu_pd(&out[(row - skipped) * size + member], mask, to_uniforms(x.first[c]));
+      if (row + 1 - skipped < rows) {
+        _mm512_mask_storeu_pd(&out[(row + 1 - skipped) * size + member], mask, to_uniforms(x.second[c]));
+      }
+    }
+  }
+}
+
+bool wide() {
+  static const bool is_wide = instructions() == Instructions::avx512 && __builtin_cpu_supports("avx512ifma") != 0;
+  return is_wide;
+}
+
+[[gnu::target("avx2")]] void central_quantiles_avx2(const double* u, double* x, std::size_t n) {
+  central_quantiles(u, x, n);
+}
+[[gnu::target("avx512f,avx512dq,avx512vl")]] void central_quantiles_avx512(const double* u, double* x, std::size_t n) {
+  central_quantiles(u, x, n);
+}
+
+#endif
+
+void central_quantiles_of(const double* u, double* x, std::size_t n) {
+#if defined(__x86_64__)
+  switch (instructions()) {
+    case Instructions::avx512: return central_quantiles_avx512(u, x, n);
+    case Instructions::avx2: return central_quantiles_avx2(u, x, n);
+    case Instructions::sse2: break;
+  }
+#endif
+  central_quantiles(u, x, n);
+}
+
+}  // namespace
+
+void normal_quantiles(std::span<double> u) {
+  constexpr std::size_t block = 256;
+  std::array<double, block> x;
+  for (; !u.empty(); u = u.subspan(std::min(block, u.size()))) {
+    const std::span<double> some = u.first(std::min(block, u.size()));
+    central_quantiles_of(some.data(), x.data(), some.size());
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      some[i] = std::abs(some[i] - 0.5) <= central_width ? x[i] : normal_quantile(some[i]);
+    }
+  }
+}
+
+void Stream::fill(std::span<double> uniforms) {
+  if (!uniforms.empty() && (position_ & 1) != 0) {
+    uniforms.front() = uniform();
+    uniforms = uniforms.subspan(1);
+  }
+#if defined(__x86_64__)
+  if (const std::size_t n = uniforms.size() / bulk * bulk; n > 0 && wide()) {
+    fill_bulk(position_ / 2, index_, key_, uniforms.first(n));
+    position_ += n;
+    uniforms = uniforms.subspan(n);
+  }
+#endif
+  std::size_t i = 0;
+  for (; i + 1 < uniforms.size(); i += 2) {
+    refill();
+    uniforms[i] = to_uniform(block_[0]);
+    uniforms[i + 1] = to_uniform(block_[1]);
+    position_ += 2;
+  }
+  if (i < uniforms.size()) uniforms[i] = uniform();
+}
+
+void StreamBatch::uniforms(std::span<double> out) {
+  assert(out.size() % size_ == 0);
+  const std::size_t rows = out.size() / size_;
+  const bool stratified = position_ == 0 && strata_ > 1 && rows > 0;
+  bool done = false;
+#if defined(__x86_64__)
+  if (size_ >= lanes / 2 && wide()) {
+    fill_rows(position_, index_, keys_.data(), size_, out);
+    done = true;
+  }
+#endif
+  if (!done) {
+    for (std::size_t b = 0; b < size_; ++b) {
+      Stream rng(keys_[b], index_);
+      rng.seek(position_);
+      if (size_ == 1) {
+        rng.fill(out);
+        break;
+      }
+      for (std::size_t t = 0; t < rows; ++t) out[t * size_ + b] = rng.uniform();
+    }
+  }
+  position_ += rows;
+  if (!stratified) return;
+  const double width = 1 / static_cast<double>(strata_);
+  for (std::size_t b = 0; b < size_; ++b) {
+    const double u = (static_cast<double>(rank_ + static_cast<std::int64_t>(b)) + out[b]) * width;
+    out[b] = std::min(u, 1 - 0x1p-53);  // rounding may reach 1
+  }
 }
 
 }  // namespace debias

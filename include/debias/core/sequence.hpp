@@ -14,15 +14,19 @@
 //   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra
 //   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
+//   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
+//                                      out[b] from the numbers of member b, equal to one by one up to rounding
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015); Misso et al., ACM TOG 41(4), 2022 (shared base).
 
 #include <concepts>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 #include <utility>
 
 #include <debias/core/rates.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -126,6 +130,22 @@ concept OffersDifferenceAt = requires(const S& s, std::int64_t level, Stream& rn
 template <class S>
 concept OffersSharedBase = requires(const S& s, std::int64_t level, Stream& rng) {
   requires detail::is_shared_draw<std::remove_cvref_t<decltype(s.shared(level, level, rng))>>;
+};
+
+template <class S>
+concept BatchesValues =
+    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<Term<sequence_value_t<S>>> out) {
+  s.values(level, batch, out);
+};
+template <class S>
+concept BatchesDifferences =
+    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<Term<sequence_value_t<S>>> out) {
+  s.differences(level, batch, out);
+};
+template <class S>
+concept BatchesShared =
+    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<SharedDraw<sequence_value_t<S>>> out) {
+  s.shared(level, level, batch, out);
 };
 
 /// I_level alone, by the cheapest way that the sequence offers.

@@ -29,6 +29,9 @@ namespace debias {
 /// The quantile of the standard normal law at u in (0, 1); relative error about 1e-16 [AS 241, PPND16].
 double normal_quantile(double u);
 
+/// The same, bit for bit, of many numbers in place.
+void normal_quantiles(std::span<double> u);
+
 /// The random numbers of one sample. Copy it for common random numbers, split it for independent ones.
 class Stream {
  public:
@@ -54,18 +57,8 @@ class Stream {
   /// Exponential with mean 1, by inversion.
   double exponential() { return -std::log(uniform()); }
 
-  /// The same numbers as uniforms.size() calls of uniform(), in order.
-  void fill(std::span<double> uniforms) {
-    std::size_t i = 0;
-    if ((position_ & 1) != 0 && i < uniforms.size()) uniforms[i++] = uniform();
-    for (; i + 1 < uniforms.size(); i += 2) {
-      refill();
-      uniforms[i] = to_uniform(block_[0]);
-      uniforms[i + 1] = to_uniform(block_[1]);
-      position_ += 2;
-    }
-    if (i < uniforms.size()) uniforms[i] = uniform();
-  }
+  /// The same numbers as uniforms.size() calls of uniform(), in order; many at once where the machine can.
+  void fill(std::span<double> uniforms);
 
   /// An independent stream; it does not depend on how much of this one has been used.
   [[nodiscard]] Stream split(std::uint64_t branch) const { return Stream(mix(key_, branch), index_); }
@@ -74,6 +67,8 @@ class Stream {
   [[nodiscard]] std::uint64_t index() const { return index_; }
 
  private:
+  friend class StreamBatch;
+
   [[gnu::always_inline]] void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
 
   static double to_uniform(std::uint64_t bits) {
@@ -86,6 +81,12 @@ class Stream {
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
     z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
     return z ^ (z >> 31);
+  }
+
+  /// To another position; a second number of a block is at hand only after its first.
+  void seek(std::uint64_t position) {
+    position_ = position;
+    if ((position & 1) != 0) refill();
   }
 
   std::uint64_t key_;

@@ -3,7 +3,10 @@
 // What the estimators share: base and difference of one sample, the check of the base level, the default law, and
 // how they name themselves.
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -13,6 +16,7 @@
 #include <debias/core/rates.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/pmf/geometric.hpp>
 
@@ -53,6 +57,52 @@ Sample<sequence_value_t<S>> base_and_difference(const S& sequence, std::int64_t 
     record.base(m, as_scalar(base.value), base.work);
     record.difference(level, as_scalar(term.value), term.work);
     return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+  }
+}
+
+/// Members first, first + 1, ... of a sample that draw the same level: `rank` is the place of the first of them among
+/// the `strata` members of that level.
+struct Members {
+  const Stream& sample;
+  std::int64_t first;
+  std::size_t size;  // at most StreamBatch::capacity
+  std::int64_t rank;
+  std::int64_t strata;
+
+  [[nodiscard]] StreamBatch streams(std::int64_t level) const {
+    return {sample, static_cast<std::uint64_t>(first), size, static_cast<std::uint64_t>(level), rank, strata};
+  }
+};
+
+template <class S>
+concept BatchesBaseAndDifference = BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>);
+
+/// base_and_difference of many members: out[b] is the sample of member b.
+template <BatchesBaseAndDifference S, Record R>
+void base_and_difference(const S& sequence, std::int64_t m, std::int64_t level, double weight, const Members& members,
+                         std::span<Sample<sequence_value_t<S>>> out, R& record) {
+  using V = sequence_value_t<S>;
+  StreamBatch level_streams = members.streams(level);
+  if constexpr (BatchesShared<S>) {
+    std::array<SharedDraw<V>, StreamBatch::capacity> both;
+    const std::span<SharedDraw<V>> draws = std::span(both).first(out.size());
+    sequence.shared(level, m, level_streams, draws);
+    for (std::size_t b = 0; b < out.size(); ++b) {
+      record.base(m, draws[b].base, 0.0);
+      record.difference(level, draws[b].difference, draws[b].work);
+      out[b] = {draws[b].base + draws[b].difference * weight, draws[b].work, level};
+    }
+  } else {
+    std::array<Term<V>, StreamBatch::capacity> bases;
+    std::array<Term<V>, StreamBatch::capacity> differences;
+    StreamBatch base_streams = members.streams(m);
+    sequence.values(m, base_streams, std::span(bases).first(out.size()));
+    sequence.differences(level, level_streams, std::span(differences).first(out.size()));
+    for (std::size_t b = 0; b < out.size(); ++b) {
+      record.base(m, bases[b].value, bases[b].work);
+      record.difference(level, differences[b].value, differences[b].work);
+      out[b] = {bases[b].value + differences[b].value * weight, bases[b].work + differences[b].work, level};
+    }
   }
 }
 

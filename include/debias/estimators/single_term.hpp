@@ -11,7 +11,11 @@
 // (core/rates.hpp). Base::drawn saves a base that is expensive, at the price of the variance of choosing it.
 // A sequence that offers `shared` gives base and difference from one draw: less work and a far quieter base.
 
+#include <array>
+#include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -67,6 +71,33 @@ class SingleTerm {
       return {scaled(std::move(term.value), weight), term.work, level};
     }
     return detail::base_and_difference(sequence_, m, level, weight, rng, record);
+  }
+
+  /// The same of several members of a sample; there is one kind of batch for numbers, arrays go one by one.
+  template <Record R>
+  void draw(std::int64_t level, const detail::Members& members, std::span<Sample<value_type>> out, R& record) const
+    requires std::same_as<value_type, double> && detail::BatchesBaseAndDifference<S>
+  {
+    const double weight = inverse_weight(probability(level), level);
+    const std::int64_t m = options_.base_level;
+    if (options_.base == Base::always) {
+      return detail::base_and_difference(sequence_, m, level, weight, members, out, record);
+    }
+    if constexpr (BatchesValues<S> && BatchesDifferences<S>) {
+      std::array<Term<double>, StreamBatch::capacity> terms;
+      StreamBatch streams = members.streams(level);
+      const std::span<Term<double>> some = std::span(terms).first(out.size());
+      level == m ? sequence_.values(level, streams, some) : sequence_.differences(level, streams, some);
+      for (std::size_t b = 0; b < out.size(); ++b) {
+        level == m ? record.base(m, some[b].value, some[b].work)
+                   : record.difference(level, some[b].value, some[b].work);
+        out[b] = {some[b].value * weight, some[b].work, level};
+      }
+    } else {
+      for (std::size_t b = 0; b < out.size(); ++b) {
+        out[b] = draw(level, members.sample.split(static_cast<std::uint64_t>(members.first) + b), record);
+      }
+    }
   }
 
   /// What the difference of a level is divided by.

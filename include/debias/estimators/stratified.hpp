@@ -11,12 +11,15 @@
 // The variance of choosing the level, sum d_k^2 / p_k - I^2, all but disappears: n Var Z -> sum Var D_k / p_k, the
 // efficiency of multilevel Monte Carlo, without its bias. One block is one sample: blocks are independent, so their
 // standard error is honest. It takes some hundred blocks; a sample index names a block.
-// Members of one level run one after the other.
+// The members of one level run together where the sequence has batch hooks, and are then stratified once more: over
+// the first number that they draw, the offset of a comb (core/stream_batch.hpp).
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -25,7 +28,9 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
+#include <debias/estimators/common.hpp>
 
 namespace debias {
 
@@ -46,6 +51,14 @@ concept StratifiableEstimator = Estimator<E> &&
   e.draw(level, rng, record);
   { e.law().tail(level) } -> std::same_as<double>;
 };
+
+namespace detail {
+template <class E, class R>
+concept DrawsMembers = requires(const E& e, std::int64_t level, const Members& members,
+                                std::span<Sample<estimate_value_t<E>>> out, R& record) {
+  e.draw(level, members, out, record);
+};
+}  // namespace detail
 
 /// An estimator in blocks; Sample::value is the mean of a block, Sample::work its total.
 template <StratifiableEstimator E>
@@ -115,18 +128,51 @@ class Stratified {
     return (static_cast<double>(j) + shift) / static_cast<double>(block_);
   }
 
+  /// `level_of` is asked for every member once, in order.
   template <Record R, class LevelOf>
   Sample<value_type> block_of(const Stream& rng, R& record, LevelOf&& level_of) const {
-    auto sample = estimator_.draw(level_of(0), member(rng, 0), record);
-    for (std::int64_t j = 1; j < block_; ++j) {
-      const std::int64_t level = level_of(j);
-      auto next = estimator_.draw(level, member(rng, j), record);
-      sample.value = sum(std::move(sample.value), next.value);
-      sample.work += next.work;
-      sample.level = sample.level > next.level ? sample.level : next.level;
+    std::int64_t level = level_of(0);
+    if constexpr (detail::DrawsMembers<E, R>) {
+      Sample<value_type> sample{0, 0, level};
+      for (std::int64_t begin = 0; begin < block_;) {  // a run of members of one level
+        std::int64_t end = begin + 1;
+        std::int64_t next = level;
+        while (end < block_ && (next = level_of(end)) == level) ++end;
+        run(level, begin, end, rng, sample, record);
+        level = next;
+        begin = end;
+      }
+      sample.value /= static_cast<double>(block_);
+      return sample;
+    } else {
+      auto sample = estimator_.draw(level, member(rng, 0), record);
+      for (std::int64_t j = 1; j < block_; ++j) {
+        level = level_of(j);
+        auto next = estimator_.draw(level, member(rng, j), record);
+        sample.value = sum(std::move(sample.value), next.value);
+        sample.work += next.work;
+        sample.level = sample.level > next.level ? sample.level : next.level;
+      }
+      sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
+      return sample;
     }
-    sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
-    return sample;
+  }
+
+  template <Record R>
+  void run(std::int64_t level, std::int64_t begin, std::int64_t end, const Stream& rng, Sample<value_type>& sample,
+           R& record) const {
+    std::array<Sample<value_type>, StreamBatch::capacity> samples;
+    for (std::int64_t j = begin; j < end;) {
+      const auto n = static_cast<std::size_t>(std::min<std::int64_t>(end - j, StreamBatch::capacity));
+      const std::span<Sample<value_type>> some = std::span(samples).first(n);
+      estimator_.draw(level, detail::Members{rng, j, n, j - begin, end - begin}, some, record);
+      for (const Sample<value_type>& s : some) {
+        sample.value += s.value;
+        sample.work += s.work;
+      }
+      j += static_cast<std::int64_t>(n);
+    }
+    sample.level = std::max(sample.level, level);
   }
 
   // The levels that may have copies, deepest last: n p_k <= n tail(k) falls below 1 for good.

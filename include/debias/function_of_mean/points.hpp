@@ -18,6 +18,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -26,6 +27,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -60,6 +62,13 @@ inline double share_of_draw(std::int64_t level) {
 template <class X>
 concept BatchedVariable = RandomVariable<X> && requires(const X& x, Stream& rng, std::span<double> out) {
   x.draws(rng, out);
+};
+
+/// A random variable that draws for many members at once: `x.draws(batch, out)` writes as many draws of each member as
+/// fit, out[t * members + b].
+template <class X>
+concept BatchedOverMembers = RandomVariable<X> && requires(const X& x, StreamBatch& batch, std::span<double> out) {
+  x.draws(batch, out);
 };
 
 /// An integrand with a batch hook: `f(at, out)` beside f(x), over spans of at most 256 numbers.
@@ -99,6 +108,21 @@ template <class Group>
 GroupSums(std::int64_t, Group) -> GroupSums<Group>;
 
 inline constexpr std::size_t block_size = 256;
+
+/// Points of many members at once: `points.batch(level, group_level, batch)` returns a callable that writes the sums
+/// of the next few groups, sums[r * members + b], and returns how many groups these are: a power of two.
+template <class P>
+concept BatchedPoints = Points<P> && requires(const P& p, std::int64_t level, StreamBatch& batch,
+                                              std::span<double, block_size> sums) {
+  { p.batch(level, level, batch)(sums) } -> std::same_as<std::int64_t>;
+};
+
+/// How many groups of `size` numbers of each member fit a block: a power of two, at most `groups`, at least one.
+inline std::int64_t groups_in_block(std::int64_t size, std::int64_t groups, std::size_t members) {
+  const std::size_t fit = block_size / std::bit_ceil(members);
+  const std::int64_t some = size < static_cast<std::int64_t>(fit) ? static_cast<std::int64_t>(fit) / size : 1;
+  return std::min(some, groups);
+}
 
 /// Sums of every second number, in eight lanes.
 struct EvenOdd {
@@ -164,6 +188,59 @@ class Blocks {
   std::array<double, block_size> numbers_;  // not zeroed
 };
 
+/// Draws one after the other from the stream of each member: groups are consecutive draws.
+template <class X>
+class DrawsBatch {
+ public:
+  DrawsBatch(const X& x, std::int64_t size, std::int64_t groups, StreamBatch& batch)
+      : x_(&x), batch_(&batch), size_(size), groups_(groups_in_block(size, groups, batch.size())) {
+    if constexpr (!BatchedOverMembers<X>) {
+      for (std::size_t b = 0; b < batch.size(); ++b) streams_[b].emplace(batch.stream(b));
+    }
+  }
+
+  std::int64_t operator()(std::span<double, block_size> sums) {
+    const std::size_t members = batch_->size();
+    const std::span<double> out = sums.first(static_cast<std::size_t>(groups_) * members);
+    if constexpr (BatchedOverMembers<X>) {
+      const auto fit = static_cast<std::int64_t>(block_size / std::bit_ceil(members));
+      std::array<double, block_size> draws;
+      std::fill(out.begin(), out.end(), 0.0);
+      for (std::int64_t done = 0; done < size_; done += fit) {
+        const std::int64_t rows = std::min(size_ - done, fit);  // of each group; all of them if there are several
+        const std::span<double> some =
+            std::span(draws).first(static_cast<std::size_t>(groups_ * rows) * members);
+        x_->draws(*batch_, some);
+        const double* row = some.data();
+        for (std::size_t r = 0; r < static_cast<std::size_t>(groups_); ++r) {
+          for (std::int64_t q = 0; q < rows; ++q, row += members) {
+            for (std::size_t b = 0; b < members; ++b) out[r * members + b] += row[b];
+          }
+        }
+      }
+    } else {
+      for (std::size_t r = 0; r < static_cast<std::size_t>(groups_); ++r) {
+        for (std::size_t b = 0; b < members; ++b) {
+          double sum = 0;
+          for (std::int64_t q = 0; q < size_; ++q) sum += static_cast<double>((*x_)(*streams_[b]));
+          out[r * members + b] = sum;
+        }
+      }
+    }
+    return groups_;
+  }
+
+ private:
+  struct None {};
+
+  const X* x_;
+  StreamBatch* batch_;
+  std::int64_t size_;
+  std::int64_t groups_;  // in a call
+  [[no_unique_address]] std::conditional_t<BatchedOverMembers<X>, None, std::array<std::optional<Stream>, StreamBatch::capacity>>
+      streams_;
+};
+
 /// Independent draws of X: groups are consecutive ones.
 template <RandomVariable X>
 struct IndependentPoints {
@@ -179,6 +256,81 @@ struct IndependentPoints {
       return GroupSums{size, [this, &rng] { return [this, &rng] { return x(rng); }; }};
     }
   }
+
+  auto batch(std::int64_t level, std::int64_t group_level, StreamBatch& members) const
+    requires RealValue<draw_t<X>>
+  {
+    return DrawsBatch<X>(x, doubled_draws(group_level), doubled_draws(level - group_level), members);
+  }
+};
+
+/// The values of f on the combs of many members, one offset each.
+template <class F>
+class CombBatch {
+ public:
+  CombBatch(const F& f, double from, double step, std::int64_t size, std::int64_t groups, StreamBatch& batch)
+      : f_(&f),
+        from_(from),
+        step_(step),
+        size_(size),
+        groups_(groups),
+        in_block_(groups_in_block(size, groups, batch.size())),
+        members_(batch.size()) {
+    batch.uniforms(std::span(offsets_).first(members_));
+  }
+
+  std::int64_t operator()(std::span<double, block_size> sums) {
+    const std::size_t row = static_cast<std::size_t>(in_block_) * members_;  // of one point of each group
+    const std::span<double> out = sums.first(row);
+    std::fill(out.begin(), out.end(), 0.0);
+    const auto fit = static_cast<std::int64_t>(block_size / row);
+    for (std::int64_t q = 0; q < size_; q += fit) {
+      const std::int64_t rows = std::min(fit, size_ - q);
+      std::array<double, block_size> at;
+      std::array<double, block_size> values;
+      const std::size_t n = static_cast<std::size_t>(rows) * row;
+      for (std::int64_t i = 0; i < rows; ++i) place(group_ + (q + i) * groups_, &at[static_cast<std::size_t>(i) * row]);
+      if constexpr (BatchedIntegrand<F>) {
+        (*f_)(std::span<const double>(at).first(n), std::span(values).first(n));
+      } else {
+        for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<double>((*f_)(at[i]));
+      }
+      for (std::size_t i = 0; i < n; i += row) {
+        for (std::size_t j = 0; j < row; ++j) out[j] += values[i + j];
+      }
+    }
+    group_ += in_block_;
+    return in_block_;
+  }
+
+ private:
+  // The positions of the parts first, first + 1, ..., one for each group of a call, by member.
+  void place(std::int64_t first, double* at) const {
+    const double from = from_;  // not the members: the loops write doubles
+    const double step = step_;
+    const auto part = static_cast<double>(first);
+    if (members_ == 1) {
+      const double offset = offsets_[0];
+      const int n = static_cast<int>(in_block_);
+      for (int r = 0; r < n; ++r) at[r] = from + step * ((part + r) + offset);
+      return;
+    }
+    for (std::int64_t r = 0; r < in_block_; ++r) {
+      const double here = part + static_cast<double>(r);
+      for (std::size_t b = 0; b < members_; ++b) at[b] = from + step * (here + offsets_[b]);
+      at += members_;
+    }
+  }
+
+  const F* f_;
+  double from_;
+  double step_;
+  std::int64_t size_;      // points in a group
+  std::int64_t groups_;    // in all
+  std::int64_t in_block_;  // in a call
+  std::size_t members_;
+  std::int64_t group_ = 0;
+  std::array<double, StreamBatch::capacity> offsets_;
 };
 
 /// f at positions in units of the interval's 2^level parts, which `Positions(level, group_level, rng)` gives
@@ -213,11 +365,20 @@ struct IntervalPoints {
                        }};
     }
   }
+
+  auto batch(std::int64_t level, std::int64_t group_level, StreamBatch& members) const
+    requires(Positions::one_offset) && RealValue<std::remove_cvref_t<std::invoke_result_t<const F&, double>>>
+  {
+    return CombBatch<F>(f, from, scale * share_of_draw(level), doubled_draws(group_level),
+                        doubled_draws(level - group_level), members);
+  }
 };
 
 /// One random offset for all parts. Group r has the parts r, r + groups, ...: a coarser comb.
 class CombPositions {
  public:
+  static constexpr bool one_offset = true;
+
   CombPositions(std::int64_t level, std::int64_t group_level, Stream& rng)
       : groups_(doubled_draws(level - group_level)),
         size_(doubled_draws(group_level)),
@@ -271,6 +432,8 @@ class CombPositions {
 /// to an odd one.
 class JitteredPositions {
  public:
+  static constexpr bool one_offset = false;
+
   JitteredPositions(std::int64_t level, std::int64_t group_level, Stream& rng)
       : rng_(&rng),
         choices_(rng),
