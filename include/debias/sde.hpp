@@ -14,9 +14,13 @@
 // above.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -25,6 +29,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/sde/summaries.hpp>
 
@@ -113,44 +118,59 @@ decltype(auto) pay(const F& payoff, const Summary& summary, const State& end) {
   }
 }
 
-/// One path: its state, and what it leaves behind.
+/// The steps of a path, on its state and what it leaves behind.
 template <class Step, class M, class Summary>
-class Path {
+struct Steps {
   using State = state_of<M>;
   static constexpr bool takes_bridges = BridgeSummary<Summary> && std::same_as<State, double>;
 
- public:
-  Path(const M& model, const Summary& summary) : model_(model), x_(model.start), summary_(summary) {}
-
   /// One step of length h.
   template <class Noise>
-  void step(double t, double h, const Noise& dw, double u) {
-    const auto b = Step::diffusion(model_, x_, t);
-    State next = Step::advance(model_, x_, t, h, b, dw);
+  static void step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw, double u) {
+    const auto b = Step::diffusion(model, x, t);
+    State next = Step::advance(model, x, t, h, b, dw);
     if constexpr (takes_bridges) {
-      summary_.add(Bridge{x_, next, b, h}, u);
+      summary.add(Bridge{x, next, b, h}, u);
     } else {
-      summary_.add(x_, next, h);
+      summary.add(x, next, h);
     }
-    x_ = std::move(next);
+    x = std::move(next);
   }
 
   /// One step over two increments of length h: a summary of bridges sees the middle that they imply.
   template <class Noise>
-  void double_step(double t, double h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
+  static void double_step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw1,
+                          const Noise& dw2, double u1, double u2) {
     const Noise both = dw1 + dw2;
     if constexpr (takes_bridges) {
-      const double b = Step::diffusion(model_, x_, t);
-      const double next = Step::advance(model_, x_, t, 2 * h, b, both);
-      const double middle = (x_ + next + b * (dw1 - dw2)) / 2;
-      summary_.add(Bridge{x_, middle, b, h}, u1);
-      summary_.add(Bridge{middle, next, b, h}, u2);
-      x_ = next;
+      const double b = Step::diffusion(model, x, t);
+      const double next = Step::advance(model, x, t, 2 * h, b, both);
+      const double middle = (x + next + b * (dw1 - dw2)) / 2;
+      summary.add(Bridge{x, middle, b, h}, u1);
+      summary.add(Bridge{middle, next, b, h}, u2);
+      x = next;
     } else {
-      step(t, 2 * h, both, 0);
+      step(model, x, summary, t, 2 * h, both, 0);
     }
   }
+};
 
+/// One path.
+template <class Step, class M, class Summary>
+class Path : Steps<Step, M, Summary> {
+  using Steps = detail::Steps<Step, M, Summary>;
+
+ public:
+  Path(const M& model, const Summary& summary) : model_(model), x_(model.start), summary_(summary) {}
+
+  template <class Noise>
+  void step(double t, double h, const Noise& dw, double u) {
+    Steps::step(model_, x_, summary_, t, h, dw, u);
+  }
+  template <class Noise>
+  void double_step(double t, double h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
+    Steps::double_step(model_, x_, summary_, t, h, dw1, dw2, u1, u2);
+  }
   template <class F>
   auto pay(const F& payoff) const {
     return detail::pay(payoff, summary_, x_);
@@ -158,8 +178,91 @@ class Path {
 
  private:
   const M& model_;
-  State x_;
+  state_of<M> x_;
   Summary summary_;
+};
+
+/// One scalar path of each member of a batch, side by side: a step of one need not wait for that of another.
+template <class Step, class M, class Summary>
+class Paths {
+  using Steps = detail::Steps<Step, M, Summary>;
+
+ public:
+  Paths(const M& model, const Summary& summary, std::size_t size)
+      : model_(model), size_(size), x_(filled(model.start)), summaries_(filled(summary)) {}
+
+  /// dw[b] and u[b] belong to member b.
+  void step(double t, double h, const double* dw, const double* u) {
+    for (std::size_t b = 0; b < size_; ++b) {
+      Steps::step(model_, x_[b], summaries_[b], t, h, dw[b], u == nullptr ? 0 : u[b]);
+    }
+  }
+  void double_step(double t, double h, const double* dw1, const double* dw2, const double* u1, const double* u2) {
+    for (std::size_t b = 0; b < size_; ++b) {
+      Steps::double_step(model_, x_[b], summaries_[b], t, h, dw1[b], dw2[b], u1 == nullptr ? 0 : u1[b],
+                         u2 == nullptr ? 0 : u2[b]);
+    }
+  }
+  template <class F>
+  auto pay(const F& payoff, std::size_t b) const {
+    return detail::pay(payoff, summaries_[b], x_[b]);
+  }
+
+ private:
+  template <class T>
+  static std::array<T, StreamBatch::capacity> filled(const T& x) {
+    return [&]<std::size_t... i>(std::index_sequence<i...>) {
+      return std::array<T, StreamBatch::capacity>{((void)i, x)...};
+    }(std::make_index_sequence<StreamBatch::capacity>{});
+  }
+
+  const M& model_;
+  std::size_t size_;
+  std::array<double, StreamBatch::capacity> x_;
+  std::array<Summary, StreamBatch::capacity> summaries_;
+};
+
+/// The increments of a batch of paths and, with `bridges`, a uniform number after each, step by step.
+template <bool bridges>
+class PathNumbers {
+ public:
+  PathNumbers(StreamBatch& batch, std::int64_t steps, double sqrt_h)
+      : batch_(&batch), left_(steps), sqrt_h_(sqrt_h) {}
+
+  /// To the next step. The numbers of steps 2 i and 2 i + 1 are there together.
+  void next() {
+    row_ += rows_a_step * batch_->size();
+    if (row_ >= end_) fetch();
+  }
+  [[nodiscard]] const double* increments() const { return &numbers_[row_]; }
+  [[nodiscard]] const double* uniforms() const { return bridges ? &numbers_[row_ + batch_->size()] : nullptr; }
+
+ private:
+  static constexpr std::size_t rows_a_step = bridges ? 2 : 1;
+
+  void fetch() {
+    const std::size_t size = batch_->size();
+    const auto fit = static_cast<std::int64_t>(numbers_.size() / (rows_a_step * size)) & ~std::int64_t{1};
+    const auto steps = static_cast<std::size_t>(std::min(left_, fit));
+    left_ -= static_cast<std::int64_t>(steps);
+    row_ = 0;
+    end_ = steps * rows_a_step * size;
+    const std::span<double> some = std::span(numbers_).first(end_);
+    batch_->uniforms(some);
+    for (std::size_t i = 0; i < end_; i += rows_a_step * size) {
+      const std::span<double> row = bridges ? some.subspan(i, size) : some;
+      normal_quantiles(row);
+      for (double& z : row) z *= sqrt_h_;
+      if (!bridges) break;
+    }
+  }
+
+  StreamBatch* batch_;
+  std::int64_t left_;
+  double sqrt_h_;
+  std::size_t row_ = 0;
+  std::size_t end_ = 0;
+  std::array<double, 4 * StreamBatch::capacity> numbers_;
 };
 
 }  // namespace detail
@@ -175,6 +278,12 @@ class SdeLevels {
     NoPath(const M& /*model*/, const Summary& /*summary*/) {}
   };
   using Twin = std::conditional_t<Step::is_antithetic, Path, NoPath>;
+  static constexpr bool draws_bridges = [] {
+    if constexpr (BridgeSummary<Summary>) return static_cast<bool>(Summary::uses_number);
+    return false;
+  }();
+  using Paths = detail::Paths<Step, M, Summary>;
+  using Numbers = detail::PathNumbers<draws_bridges>;
 
  public:
   using value_type = std::remove_cvref_t<decltype(std::declval<const Path&>().pay(std::declval<const F&>()))>;
@@ -239,14 +348,54 @@ class SdeLevels {
     return {path.pay(payoff_), static_cast<double>(steps)};
   }
 
+  // ---- many members at once
+
+  static constexpr bool batches = std::same_as<detail::state_of<M>, double> && std::same_as<value_type, double> &&
+                                  std::derived_from<Step, EulerStep>;
+
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    const std::int64_t steps = steps_of(level);
+    const double h = model_.horizon / static_cast<double>(steps);
+    Paths paths(model_, summary_, out.size());
+    Numbers numbers(batch, steps, std::sqrt(h));
+    for (std::int64_t i = 0; i < steps; ++i) {
+      numbers.next();
+      paths.step(static_cast<double>(i) * h, h, numbers.increments(), numbers.uniforms());
+    }
+    for (std::size_t b = 0; b < out.size(); ++b) out[b] = {paths.pay(payoff_, b), static_cast<double>(steps)};
+  }
+
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    if (level == 0) return values(level, batch, out);
+    const std::int64_t steps = steps_of(level);
+    const double h = model_.horizon / static_cast<double>(steps);
+    Paths fine(model_, summary_, out.size());
+    Paths coarse(model_, summary_, out.size());
+    Numbers numbers(batch, steps, std::sqrt(h));
+    for (std::int64_t i = 0; i < steps; i += 2) {
+      const double t = static_cast<double>(i) * h;
+      numbers.next();
+      const double* const dw1 = numbers.increments();
+      const double* const u1 = numbers.uniforms();
+      numbers.next();
+      fine.step(t, h, dw1, u1);
+      fine.step(static_cast<double>(i + 1) * h, h, numbers.increments(), numbers.uniforms());
+      coarse.double_step(t, h, dw1, numbers.increments(), u1, numbers.uniforms());
+    }
+    for (std::size_t b = 0; b < out.size(); ++b) {
+      out[b] = {fine.pay(payoff_, b) - coarse.pay(payoff_, b), 1.5 * static_cast<double>(steps)};
+    }
+  }
+
   Rates rates;
 
  private:
   static double bridge_number([[maybe_unused]] Stream& rng) {
-    if constexpr (BridgeSummary<Summary>) {
-      if constexpr (Summary::uses_number) return rng.uniform();
+    if constexpr (draws_bridges) {
+      return rng.uniform();
+    } else {
+      return 0;
     }
-    return 0;
   }
 
   static std::int64_t steps_of(std::int64_t level) {
