@@ -1,5 +1,5 @@
 // Milstein paths of geometric Brownian motion against plain loops: plain/..., ratio of times, alternating in
-// one run.
+// one run; and a call to a standard error of 0.01 by recipe against multilevel Monte Carlo (call/...).
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,11 @@
 
 #include <debias/estimators/single_term.hpp>
 #include <debias/pmf/geometric.hpp>
+#include <debias/recipe.hpp>
 #include <debias/sde.hpp>
 
 #include "against_loops.hpp"
+#include "baseline_multilevel.hpp"
 
 namespace debias::bench {
 namespace {
@@ -85,6 +87,53 @@ void plain_lookback() {
   const auto payoff = [](const Minimum& path) { return std::exp(-r) * (path.terminal - path.minimum); };
   register_comparison("milstein/lookback", single_term(milstein(stock, Minimum{}, payoff), law), plain);
 }
+
+// ---- to a standard error, pilot included
+
+double difference(int level, Stream& rng) {
+  if (level == 0) return call(step(100, 1, rng.normal()));
+  const int n = 1 << level;
+  const double h = 1.0 / n;
+  const double root = std::sqrt(h);
+  double fine = 100;
+  double coarse = 100;
+  for (int i = 0; i < n; i += 2) {
+    const double dw1 = root * rng.normal();
+    const double dw2 = root * rng.normal();
+    fine = step(step(fine, h, dw1), h, dw2);
+    coarse = step(coarse, 2 * h, dw1 + dw2);
+  }
+  return call(fine) - call(coarse);
+}
+
+/// ratio of the times, steps_ratio; ours scaled to the very error that was asked for, and *_rms the true errors.
+void to_an_error(benchmark::State& state) {
+  constexpr double error = 0.01;
+  constexpr double truth = 10.450583572185565;
+  std::uint64_t seed = 0;
+  int runs = 0;
+  double our_steps = 0;
+  double their_steps = 0;
+  double our_squares = 0;
+  double their_squares = 0;
+  const auto ours = [&] {
+    const auto result = estimate(recipe(milstein(stock, call)), {.seed = ++seed, .threads = 1, .goal = {.error = error}});
+    our_steps += result.work + result.advice.pilot_work;
+    our_squares += (result.mean - truth) * (result.mean - truth);
+    ++runs;
+  };
+  const auto theirs = [&] {
+    const auto answer = plain::multilevel(
+        difference, [](int level) { return level == 0 ? 1 : 1.5 * (1 << level); }, error, 1, 2, Stream(seed, 0));
+    their_steps += answer.work;
+    their_squares += (answer.value - truth) * (answer.value - truth);
+  };
+  for (auto _ : state) report(state, paired_ratio(ours, theirs, 31), 1);
+  state.counters["steps_ratio"] = our_steps / their_steps;
+  state.counters["ours_rms"] = std::sqrt(our_squares / runs);
+  state.counters["theirs_rms"] = std::sqrt(their_squares / runs);
+}
+BENCHMARK(to_an_error)->Name("call/recipe_against_multilevel")->Iterations(1)->Unit(benchmark::kMillisecond);
 
 const bool registered = [] {
   plain_european();

@@ -41,26 +41,28 @@ double square_at(const TermMoments& m, std::size_t k, double p) {
 // The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).
 std::vector<double> best_at_price(const std::vector<double>& a, const std::vector<double>& price) {
   const double least = *std::min_element(price.begin(), price.end());
-  const auto total = [&](double t) {
-    double sum = 0;
-    for (std::size_t k = 0; k < a.size(); ++k) sum += std::sqrt(a[k] / (price[k] - least + t));
-    return sum;
-  };
-  double roots = 0;
-  for (const double x : a) roots += std::sqrt(x);
-  double high = roots * roots;  // total <= 1
-  double low = 0;               // total >= 1: the cheapest level alone asks for that much
+  // Newton's method on S(t)^-2 = 1, S = sum_k p_k: that is concave, a mean of order -1/2 of the prices, so it comes
+  // from below and never passes the root.
+  double t = 0;  // S >= 1 here: the cheapest level alone asks for that much
   for (std::size_t k = 0; k < a.size(); ++k) {
-    if (price[k] == least) low = std::max(low, a[k]);
+    if (price[k] == least) t = std::max(t, a[k]);
   }
-  for (int i = 0; i < 200 && high - low > 1e-14 * high; ++i) {
-    const double middle = low > 0 ? std::sqrt(low) * std::sqrt(high) : (low + high) / 2;
-    if (middle <= low || middle >= high) break;
-    (total(middle) > 1 ? low : high) = middle;
+  for (int i = 0; i < 100; ++i) {
+    double total = 0;
+    double slope = 0;  // of S, times -2
+    for (std::size_t k = 0; k < a.size(); ++k) {
+      const double excess = price[k] - least + t;
+      const double term = std::sqrt(a[k] / excess);
+      total += term;
+      slope += term / excess;
+    }
+    const double next = t + total * (total * total - 1) / slope;
+    if (!(next > t * (1 + 1e-15))) break;
+    t = next;
   }
   std::vector<double> p(a.size());
   double sum = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) sum += p[k] = std::sqrt(a[k] / (price[k] - least + high));
+  for (std::size_t k = 0; k < a.size(); ++k) sum += p[k] = std::sqrt(a[k] / (price[k] - least + t));
   for (double& x : p) x /= sum;
   return p;
 }

@@ -40,7 +40,15 @@ class IndependentSum {
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream law_stream = split(rng, Branch::law);
-    const std::int64_t deepest = base_level_ + law_.sample(law_stream.uniform());
+    return draw(level_at(law_stream.uniform()), rng, record);
+  }
+
+  /// The deepest level, for a uniform in (0, 1]; deep levels lie at small ones.
+  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + law_.sample(u); }
+
+  /// The sample that ends at `deepest`.
+  template <Record R>
+  Sample<value_type> draw(std::int64_t deepest, const Stream& rng, R& record) const {
     Stream base_stream = split_level(rng, base_level_);
     auto base = value_of(sequence_, base_level_, base_stream);
     record.base(base_level_, as_scalar(base.value), base.work);

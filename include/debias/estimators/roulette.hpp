@@ -48,20 +48,27 @@ class Roulette {
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream law_stream = split(rng, Branch::law);
-    const std::int64_t beyond = law_.sample(law_stream.uniform());
+    return draw(level_at(law_stream.uniform()), rng, record);
+  }
+
+  /// The last level, for a uniform in (0, 1]; deep levels lie at small ones.
+  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + law_.sample(u); }
+
+  /// The sample that ends at `last`.
+  template <Record R>
+  Sample<value_type> draw(std::int64_t last, const Stream& rng, R& record) const {
     Stream path = split_level(rng, 0);
     auto cursor = terms_(path);
     auto term = cursor();
-    Sample<value_type> sample{std::move(term.value), term.work, base_level_ + beyond};
+    Sample<value_type> sample{std::move(term.value), term.work, last};
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
       sample.value = sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
     record.base(base_level_, as_scalar(sample.value), sample.work);
-    for (std::int64_t j = 1; j <= beyond; ++j) {
+    for (std::int64_t level = base_level_ + 1; level <= last; ++level) {
       term = cursor();
-      const std::int64_t level = base_level_ + j;
       record.difference(level, as_scalar(term.value), term.work);
       sample.value = sum(std::move(sample.value),
                          scaled(std::move(term.value), inverse_weight(probability(level), level)));

@@ -42,13 +42,14 @@ inline const char* name_of(Strata strata) {
   return names[static_cast<std::size_t>(strata)];
 }
 
-/// An estimator whose level can be drawn from outside.
+/// An estimator whose level can be drawn from outside: single_term, and roulette and independent_sum with a law.
 template <class E>
 concept StratifiableEstimator = Estimator<E> &&
     requires(const E& e, double u, std::int64_t level, const Stream& rng, NullRecord& record) {
   { e.level_at(u) } -> std::same_as<std::int64_t>;
   { e.probability(level) } -> std::same_as<double>;
   e.draw(level, rng, record);
+  { e.law().mass(level) } -> std::same_as<double>;
   { e.law().tail(level) } -> std::same_as<double>;
 };
 
@@ -187,7 +188,7 @@ class Stratified {
     copies_.resize(static_cast<std::size_t>(levels));
     double residual = rest_tail_;
     for (std::int64_t j = levels; j-- > 0;) {
-      const double expected = n * estimator_.probability(first + j);
+      const double expected = n * estimator_.law().mass(j);
       const double whole = std::floor(expected);
       residual += expected - whole;
       copies_[static_cast<std::size_t>(j)] = {first + j, static_cast<std::int64_t>(whole), residual};
