@@ -518,6 +518,7 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
                                   ", and a law needs two differences above the base); take a lower one");
     }
     if (next.usable()) {
+      next.runs_together = runs.batches;
       next.block = std::max<std::int64_t>(advice.block, 64);
       set_members(next, plan.goal.asked() ? fewest_blocks * static_cast<double>(next.block)
                                           : static_cast<double>(plan.samples));
@@ -569,34 +570,14 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   Plan run = plan;
   run.samples = advice.members / advice.block;
   run.goal = {};
-  // How long a block takes is known only from blocks.
-  if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
+  // How long a block takes is known only from blocks, and what it varies by where its members run together: they are
+  // stratified once more, over their first number, and levels know nothing of that.
+  if (plan.goal.seconds > 0) {
+    run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
+  } else if (advice.runs_together) {
+    run.goal = plan.goal;
+  }
   return run;
-}
-
-// Members that run together are stratified once more, over their first number: levels know nothing of that.
-Plan detail::shorter(const Plan& blocks, const Plan& plan, Advice& advice,
-                     const std::function<Statistics(const Plan&)>& run) {
-  constexpr std::int64_t fewest = 256;  // whose own standard error is good to a twentieth
-  const bool wants_error = plan.goal.error > 0 || plan.goal.relative_error > 0;
-  if (!wants_error || blocks.samples <= 2 * fewest) return blocks;
-  Plan pilot = blocks;
-  pilot.first = 0;
-  pilot.samples = std::max(fewest / 4, blocks.samples / 64);
-  const Statistics seen = run(pilot);
-  advice.pilot_work += seen.work;
-  advice.pilot_seconds += seen.seconds;
-  const double error = Goal::aim * (plan.goal.error > 0 ? plan.goal.error : plan.goal.relative_error * seen.size());
-  const auto n = static_cast<double>(pilot.samples);
-  const double doubt = std::sqrt(std::max(seen.moments.kurtosis() - 1, 0.0) / n);
-  const double wanted = seen.moments.variance() * (1 + doubt) / (error * error);
-  if (!(wanted < static_cast<double>(blocks.samples))) return blocks;  // not for a NaN either
-  Plan shorter = blocks;
-  shorter.samples = std::max(fewest, static_cast<std::int64_t>(std::ceil(wanted)));
-  advice.members = shorter.samples * advice.block;
-  advice.sentences.push_back("the first number of the members of a level is stratified too: " +
-                             std::to_string(shorter.samples) + " blocks instead of " + std::to_string(blocks.samples));
-  return shorter;
 }
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {

@@ -16,11 +16,9 @@
 
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <iosfwd>
 #include <optional>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -84,6 +82,7 @@ struct Advice {
   std::int64_t base_level = 0;
   Base base = Base::drawn;
   bool shares_base = false;  ///< base and difference come from one draw
+  bool runs_together = false;  ///< the members of a level, which are then stratified over their first number too
   AnyPmf law = AnyPmf(Geometric(0.5));
   TailExponent exponent{};    ///< of the law
   std::int64_t block = 1;     ///< members of a block, with systematic strata
@@ -136,10 +135,6 @@ auto estimator_of(const S& sequence, const Advice& advice) {
 namespace detail {
 /// The plan of the run in blocks. Throws std::invalid_argument where no law has finite variance and finite work.
 Plan plan_of(const Plan& plan, const Advice& advice);
-/// That plan for a goal of an error, with as many blocks as the variance of some pilot blocks asks for, if these are
-/// fewer: `run` draws the blocks of a plan from the pilot streams. What they cost is added to the advice.
-Plan shorter(const Plan& blocks, const Plan& plan, Advice& advice,
-             const std::function<Statistics(const Plan&)>& run);
 /// Goal and pilot of the whole, and its doubts as warnings, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 }  // namespace detail
@@ -150,19 +145,7 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
   Advice advice = advise(level_runs(recipe.sequence), plan, recipe.options);
-  Plan blocks = detail::plan_of(plan, advice);
-  const auto estimator = estimator_of(recipe.sequence, advice);
-  if constexpr (detail::DrawsMembers<std::remove_cvref_t<decltype(estimator.estimator())>, NullRecord>) {
-    blocks = detail::shorter(blocks, plan, advice, [&](const Plan& pilot) -> Statistics {
-      const auto block = [&](Stream& rng) {
-        NullRecord none;
-        Stream pilot_stream = split(rng, Branch::pilot);
-        return estimator(pilot_stream, none);
-      };
-      return estimate(block, pilot);
-    });
-  }
-  auto result = estimate(estimator, blocks);
+  auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
   detail::follow(result, advice, plan.goal);
   return {std::move(result), std::move(advice)};
 }

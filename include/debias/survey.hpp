@@ -87,6 +87,7 @@ struct LevelRuns {
   std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
   /// Empty where the sequence has no shared base.
   std::function<SharedMoments(std::int64_t level, std::int64_t base_level, const Plan& plan)> shared;
+  bool batches = false;  ///< members of one level run together in a stratified block
 };
 
 namespace detail {
@@ -183,6 +184,7 @@ SharedMoments shared_moments(const Statistics& statistics);
 template <BiasedSequence S>
 LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
+  runs.batches = BatchesLevels<S>;
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };

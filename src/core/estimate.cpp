@@ -256,9 +256,11 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
 Plan plan_for_goal(const Plan& plan, const ChunkBody& body, double& seconds) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
+  constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
   check_goal(plan.goal);
   Plan pilot = plan;
-  pilot.samples = plan.goal.seconds > 0 ? 64 : 1024;
+  // Where `samples` says that the run is short, so is the pilot.
+  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(plan.samples / 64, fewest, 1024);
   for (;;) {
     const Statistics s = run(pilot, "pilot", body);
     seconds += s.seconds;
@@ -274,7 +276,7 @@ Plan plan_for_goal(const Plan& plan, const ChunkBody& body, double& seconds) {
         throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) +
                                     " samples (does not fit 64 bits)");
       }
-      pilot.samples = std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted)));
+      pilot.samples = std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted)));
       return pilot;
     }
     pilot.samples = static_cast<std::int64_t>(next);

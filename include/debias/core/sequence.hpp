@@ -148,6 +148,11 @@ concept BatchesShared =
   s.shared(level, level, batch, out);
 };
 
+/// A sequence of numbers whose members of a stratified block run together.
+template <class S>
+concept BatchesLevels = std::same_as<sequence_value_t<S>, double> &&
+    (BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
+
 /// I_level alone, by the cheapest way that the sequence offers.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) {

@@ -74,11 +74,8 @@ struct Members {
   }
 };
 
-template <class S>
-concept BatchesBaseAndDifference = BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>);
-
 /// base_and_difference of many members: out[b] is the sample of member b.
-template <BatchesBaseAndDifference S, Record R>
+template <BatchesLevels S, Record R>
 void base_and_difference(const S& sequence, std::int64_t m, std::int64_t level, double weight, const Members& members,
                          std::span<Sample<sequence_value_t<S>>> out, R& record) {
   using V = sequence_value_t<S>;

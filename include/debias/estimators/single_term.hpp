@@ -76,7 +76,7 @@ class SingleTerm {
   /// The same of several members of a sample; there is one kind of batch for numbers, arrays go one by one.
   template <Record R>
   void draw(std::int64_t level, const detail::Members& members, std::span<Sample<value_type>> out, R& record) const
-    requires std::same_as<value_type, double> && detail::BatchesBaseAndDifference<S>
+    requires BatchesLevels<S>
   {
     const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
