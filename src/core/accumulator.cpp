@@ -115,8 +115,8 @@ void LevelSums::merge(const LevelSums& other) {
 void LevelTable::merge(const LevelTable& other) {
   if (other.base_.count > 0) base_level_ = other.base_level_;
   base_.merge(other.base_);
-  for (std::size_t i = 0; i < other.used_; ++i) rows_[i].merge(other.rows_[i]);
-  used_ = std::max(used_, other.used_);
+  if (rows_.size() < other.rows_.size()) rows_.resize(other.rows_.size());
+  for (std::size_t i = 0; i < other.rows_.size(); ++i) rows_[i].merge(other.rows_[i]);
 }
 
 std::pair<std::int64_t, std::int64_t> LevelTable::levels_of_row(std::size_t row) {

@@ -29,26 +29,25 @@ void check(const Plan& plan) {
 // The chunks of a plan, handed out in order to whoever asks.
 class Chunks {
  public:
-  explicit Chunks(const Plan& plan)
-      : first_(plan.first), last_(plan.first + plan.samples), next_(plan.first / RunState::chunk_size) {}
+  Chunks(const Plan& plan, std::int64_t size)
+      : first_(plan.first), last_(plan.first + plan.samples), size_(size), next_(plan.first / size) {}
 
-  [[nodiscard]] std::int64_t count() const {
-    return (last_ - 1) / RunState::chunk_size - first_ / RunState::chunk_size + 1;
-  }
+  [[nodiscard]] std::int64_t count() const { return (last_ - 1) / size_ - first_ / size_ + 1; }
 
   // The samples of the next chunk; empty when there is none.
   std::pair<std::int64_t, std::int64_t> take() {
     const std::int64_t chunk = next_.fetch_add(1);
-    const std::int64_t last_chunk = (last_ - 1) / RunState::chunk_size;
+    const std::int64_t last_chunk = (last_ - 1) / size_;
     if (chunk > last_chunk) return {last_, last_};
-    const std::int64_t begin = std::max(first_, chunk * RunState::chunk_size);
-    const std::int64_t end = chunk == last_chunk ? last_ : (chunk + 1) * RunState::chunk_size;
+    const std::int64_t begin = std::max(first_, chunk * size_);
+    const std::int64_t end = chunk == last_chunk ? last_ : (chunk + 1) * size_;
     return {begin, end};
   }
 
  private:
   std::int64_t first_;
   std::int64_t last_;
+  std::int64_t size_;
   std::atomic<std::int64_t> next_;
 };
 
@@ -148,11 +147,11 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   std::terminate();  // not reached: report always throws
 }
 
-Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body) {
+Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body) {
   check(plan);
   const auto start = std::chrono::steady_clock::now();
-  Chunks chunks(plan);
-  RunState state;
+  RunState state(chunk);
+  Chunks chunks(plan, chunk);
   std::atomic<std::int64_t> done = 0;
   std::atomic<bool> stop = false;
   std::mutex mutex;  // guards state and failure
@@ -253,7 +252,7 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
 
 }  // namespace
 
-Plan plan_for_goal(const Plan& plan, const ChunkBody& body, double& seconds) {
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
@@ -262,7 +261,7 @@ Plan plan_for_goal(const Plan& plan, const ChunkBody& body, double& seconds) {
   // Where `samples` says that the run is short, so is the pilot.
   pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(plan.samples / 64, fewest, 1024);
   for (;;) {
-    const Statistics s = run(pilot, "pilot", body);
+    const Statistics s = run(pilot, "pilot", chunk, body);
     seconds += s.seconds;
     const double wanted = wanted_samples(plan.goal, s, seconds);
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
@@ -297,7 +296,7 @@ Statistics merge(const Statistics& a, const Statistics& b) {
   if (!state.contiguous()) {
     refuse("the ranges [" + std::to_string(a.first) + ", " + std::to_string(a.first + a.samples) + ") and [" +
            std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) +
-           ") do not meet at a multiple of 4096; choose `first` and `samples` so");
+           ") do not meet at a multiple of " + std::to_string(state.chunk()) + "; choose `first` and `samples` so");
   }
   Statistics statistics = finish(a.estimator, a.seed, a.seconds + b.seconds, std::move(state));
   statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;

@@ -1,5 +1,6 @@
 #include <debias/core/result.hpp>
 
+#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <ostream>
@@ -8,8 +9,13 @@
 
 namespace debias {
 
+RunState::RunState(std::int64_t chunk) : chunk_(chunk) {
+  if (chunk > 0 && std::has_single_bit(static_cast<std::uint64_t>(chunk))) return;
+  throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two)");
+}
+
 void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
-  const bool complete = first % chunk_size == 0 && last - first == chunk_size;
+  const bool complete = first % chunk_ == 0 && last - first == chunk_;
   insert(first, Node{last, complete ? 1 : 0, sums});
 }
 
@@ -24,7 +30,7 @@ void RunState::insert(std::int64_t first, Node node) {
                                 " (a sample may count once only); give the second run another `first`");
   }
   while (node.chunks > 0) {
-    const std::int64_t width = node.chunks * chunk_size;
+    const std::int64_t width = node.chunks * chunk_;
     const bool is_left = first / width % 2 == 0;
     const auto sibling = nodes_.find(is_left ? first + width : first - width);
     if (sibling == nodes_.end() || sibling->second.chunks != node.chunks) break;
@@ -43,6 +49,10 @@ void RunState::insert(std::int64_t first, Node node) {
 }
 
 void RunState::merge(const RunState& other) {
+  if (chunk_ != other.chunk_) {
+    throw std::invalid_argument("merge: chunks of " + std::to_string(chunk_) + " and of " +
+                                std::to_string(other.chunk_) + " samples (not one estimator)");
+  }
   for (const auto& [first, node] : other.nodes_) insert(first, node);
   extremes.merge(other.extremes);
 }
@@ -54,7 +64,7 @@ std::int64_t RunState::last() const { return nodes_.empty() ? 0 : nodes_.rbegin(
 bool RunState::contiguous() const {
   std::int64_t position = first();
   for (const auto& [begin, node] : nodes_) {
-    const bool cut = begin != first() && begin % chunk_size != 0;
+    const bool cut = begin != first() && begin % chunk_ != 0;
     if (begin != position || cut) return false;
     position = node.last;
   }

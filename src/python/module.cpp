@@ -237,7 +237,7 @@ py::object samples(const py::object& problem, const Words& words, std::int64_t n
     const catalog::Choice choice = read_choice(a, p);
     const std::uint64_t seed = cli::read_seed(a.seed);
     for (std::int64_t i = 0; i < n;) {
-      const std::int64_t size = std::min<std::int64_t>(own ? RunState::chunk_size : 64, n - i);
+      const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, n - i);
       const auto begin = static_cast<std::size_t>(i) * components;
       const auto out = std::span(*values).subspan(begin, static_cast<std::size_t>(size) * components);
       if (own) {

@@ -95,12 +95,12 @@ TEST_CASE("a million scalar samples allocate by the chunk, not by the sample, in
     return level == 0 ? base(u) : coupled(u * (2 - unit), u * (2 - 2 * unit));
   };
   const auto debiased = single_term(halves, Geometric(0.6));
-  // 245 and 977 chunks of 4096. A chunk that lags leaves at most two open nodes a level of the tree of chunks, each with
+  // 1954 and 7813 chunks of 512. A chunk that lags leaves at most two open nodes a level of the tree of chunks, each with
   // at most 4096 values of either tail: 20 nodes of 100 kB, whatever the order in which the threads end.
   for (const std::int64_t samples : {1'000'000, 4'000'000}) {
     const HeapUse use = heap_use(debiased, samples);
     CAPTURE(samples, use.calls, use.peak);
-    CHECK(use.calls < samples / 500);
+    CHECK(use.calls < samples / 200);
     CHECK(use.peak < 2'000'000);
   }
 
@@ -112,14 +112,14 @@ TEST_CASE("a million scalar samples allocate by the chunk, not by the sample, in
   };
   const auto fade = [](const Color& mean) -> Color { return (-mean).exp(); };
   const auto colors = single_term(function_of_mean(color, fade), Geometric(0.6));
-  CHECK(heap_use(colors, 1'000'000).calls < 2000);
+  CHECK(heap_use(colors, 1'000'000).calls < 8000);
 
   const auto allocating = [&debiased](Stream& rng) {
     NullRecord record;
     const std::vector<double> on_the_heap(1, debiased(rng, record).value);
     return on_the_heap[0];
   };
-  CHECK_FALSE(heap_use(allocating, 1'000'000).calls < 2000);
+  CHECK_FALSE(heap_use(allocating, 1'000'000).calls < 8000);
 }
 
 #endif

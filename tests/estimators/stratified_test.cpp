@@ -156,6 +156,28 @@ TEST_CASE("strata take out the variance of choosing the level: n Var Z tends to 
   }
 }
 
+TEST_CASE("a block takes part in chunks of about a thousand members, with the same bits on any threads",
+          "[stratified][exact]") {
+  const auto member = single_term(SquaredMean{}, law);
+  for (const auto& [block, chunk] : {std::pair<int, int>{1, 512}, {2, 512}, {3, 256}, {64, 16}, {1024, 1}, {5000, 1}}) {
+    CHECK(stratified(member, block).chunk() == chunk);
+  }
+  const auto e = stratified(member, 64);
+  const auto reference = estimate(e, {.samples = 300, .seed = 3, .threads = 1});
+  for (const int threads : {2, 3, 7, 64}) {
+    const auto run = estimate(e, {.samples = 300, .seed = 3, .threads = threads});
+    CHECK(run.mean == reference.mean);
+    CHECK(run.standard_error == reference.standard_error);
+  }
+  const auto merged = merge(estimate(e, {.samples = 284, .seed = 3, .first = 16}), estimate(e, {.samples = 16, .seed = 3}));
+  CHECK(merged.mean == reference.mean);
+  CHECK_THROWS_WITH(merge(estimate(e, {.samples = 17, .seed = 3}), estimate(e, {.samples = 283, .seed = 3, .first = 17})),
+                    Catch::Contains("multiple of 16"));
+  RunState blocks(16);
+  CHECK_THROWS_WITH(blocks.merge(RunState()), Catch::Contains("chunks of 16 and of 512"));
+  CHECK_THROWS_WITH(RunState(12), Catch::Contains("power of two"));
+}
+
 TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified][exact]") {
   const auto member = single_term(SquaredMean{}, law);
   CHECK(stratified(member, 64).describe() ==

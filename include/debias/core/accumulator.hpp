@@ -73,6 +73,10 @@ class ComponentMoments {
     }
   }
   void merge(const ComponentMoments& other);
+  void clear() {  // keeps the memory
+    count_ = 0;
+    entries_.clear();
+  }
   [[nodiscard]] std::span<const Entry> entries() const { return entries_; }
 
  private:
@@ -112,14 +116,19 @@ class LevelTable {
   }
   void add(std::int64_t level, double d, double work) {
     const std::size_t i = row_of(level);
-    if (i >= used_) used_ = i + 1;
+    if (i >= rows_.size()) [[unlikely]] rows_.resize(i + 1);
     rows_[i].add(d, work);
   }
   void merge(const LevelTable& other);
+  void clear() {  // keeps the memory
+    base_level_ = 0;
+    base_ = {};
+    rows_.clear();
+  }
 
   [[nodiscard]] std::int64_t base_level() const { return base_level_; }
   [[nodiscard]] const LevelSums& base() const { return base_; }
-  [[nodiscard]] std::span<const LevelSums> rows() const { return std::span(rows_).first(used_); }
+  [[nodiscard]] std::span<const LevelSums> rows() const { return rows_; }
   /// The first and the last level of a row.
   static std::pair<std::int64_t, std::int64_t> levels_of_row(std::size_t row);
 
@@ -132,8 +141,7 @@ class LevelTable {
 
   std::int64_t base_level_ = 0;
   LevelSums base_;
-  std::array<LevelSums, static_cast<std::size_t>(single_levels) + 57> rows_{};
-  std::size_t used_ = 0;
+  std::vector<LevelSums> rows_;  // those that were touched, at most 121
 };
 
 /// The `capacity` first elements, by a strict total order, of all that were added.
@@ -230,13 +238,20 @@ struct Accumulator {
 
   /// Adds the sums of the range that follows this one.
   void merge(const Accumulator& right);
+  /// Forgets the sums, and keeps their memory.
+  void clear() {
+    moments = {};
+    components.clear();
+    levels.clear();
+    work = 0;
+  }
 };
 
 /// The sample loop's end of the statistics, one for each thread: the Record of the estimator, and the samples.
 class Recorder {
  public:
   void begin_chunk(std::int64_t first_index) {
-    sums_ = Accumulator{};
+    sums_.clear();
     block_first_ = first_index;
     filled_ = 0;
   }

@@ -4,9 +4,10 @@
 //
 //   mean = 1/N sum_i e(Stream(seed, first + i)),   i = 0 ... N - 1
 //
-// Samples run in chunks of 4096 absolute indices; chunk sums combine by a fixed binary tree, so the result is
-// the same bits for any number of threads, and results over neighbouring ranges merge into the bits of the
-// whole (Chan, Golub, LeVeque 1983 for the merge of moments). `trace` draws one sample alone, with its levels.
+// Samples run in chunks of 512 absolute indices (fewer where a sample is a block of draws); chunk sums combine by a
+// fixed binary tree, so the result is the same bits for any number of threads, and results over neighbouring
+// ranges merge into the bits of the whole (Chan, Golub, LeVeque 1983 for the merge of moments).
+// `trace` draws one sample alone, with its levels.
 
 #include <algorithm>
 #include <cstdint>
@@ -27,10 +28,21 @@ namespace debias {
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
-Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body);
+Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body);
 /// The plan with the samples that its goal asks for; adds the time that finding out took.
-Plan plan_for_goal(const Plan& plan, const ChunkBody& pilot, double& seconds);
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, double& seconds);
 void check_goal(const Goal& goal);
+
+/// Samples of a chunk.
+template <class E>
+std::int64_t chunk_of(const E& estimator) {
+  if constexpr (StatesChunk<E>) {
+    return estimator.chunk();
+  } else {
+    return RunState::default_chunk;
+  }
+}
+
 Statistics merge(const Statistics& a, const Statistics& b);
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
@@ -64,7 +76,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
       if (pilot) {
         rehearse(first, last);
       } else if (first >= rehearsed) {  // some whole chunks at once
-        constexpr std::int64_t size = 16 * RunState::chunk_size;
+        constexpr std::int64_t size = 1 << 16;
         rehearsed = std::min((first / size + 1) * size, fixed.first + fixed.samples);
         rehearse(first, rehearsed);
       }
@@ -74,10 +86,10 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   double pilot_seconds = 0;
   if (plan.goal.asked()) {
     pilot = true;
-    fixed = detail::plan_for_goal(fixed, body, pilot_seconds);
+    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, pilot_seconds);
     pilot = false;
   }
-  Statistics statistics = detail::run(fixed, description(estimator), body);
+  Statistics statistics = detail::run(fixed, description(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
   statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
@@ -96,7 +108,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
-/// the bits of a single run where the ranges meet at a multiple of 4096.
+/// the bits of a single run where the ranges meet at a multiple of the chunk.
 /// Throws std::invalid_argument for another estimator, law or seed, an overlap, a gap, or a cut chunk.
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {

@@ -84,6 +84,13 @@ using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::dec
 template <class E>
 concept Rehearses = requires(const E& e, const std::function<void()>& draws) { e.rehearse(draws); };
 
+/// An estimator whose sample is made of so many draws that fewer samples make a chunk of a run: a power of two, the
+/// same for every run of the estimator.
+template <class E>
+concept StatesChunk = requires(const E& e) {
+  { e.chunk() } -> std::same_as<std::int64_t>;
+};
+
 /// An estimator that knows by which probability it divides the difference of a level.
 template <class E>
 concept KnowsProbabilities = requires(const E& e, std::int64_t level) {

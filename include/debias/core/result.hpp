@@ -92,12 +92,18 @@ struct ComponentEstimate {
   double standard_error = 0;
 };
 
-/// The sums of a run as the open nodes of a binary tree over the chunks of 4096 samples (absolute index): what
-/// two results need in order to merge into the bits that one run would have given.
+/// The sums of a run as the open nodes of a binary tree over its chunks of samples (absolute index): what two
+/// results need in order to merge into the bits that one run would have given.
 class RunState {
  public:
-  static constexpr std::int64_t chunk_size = 4096;
+  static constexpr std::int64_t default_chunk = 512;
 
+  /// Throws std::invalid_argument unless `chunk` is a power of two.
+  explicit RunState(std::int64_t chunk);
+  RunState() : RunState(default_chunk) {}
+
+  /// Samples of a chunk.
+  [[nodiscard]] std::int64_t chunk() const { return chunk_; }
   /// Adds the sums over samples [first, last) of one chunk, or of a part of it.
   void add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums);
   /// Adds another state. Throws std::invalid_argument where both hold the same samples.
@@ -119,6 +125,7 @@ class RunState {
   };
   void insert(std::int64_t first, Node node);
 
+  std::int64_t chunk_;
   std::map<std::int64_t, Node> nodes_;  // by first sample
 };
 

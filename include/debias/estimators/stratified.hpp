@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -106,6 +107,11 @@ class Stratified {
   [[nodiscard]] double probability(std::int64_t level) const { return estimator_.probability(level); }
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
+  /// Samples of a chunk: about 1024 members.
+  [[nodiscard]] std::int64_t chunk() const {
+    const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
+    return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, 512);
+  }
   /// Strata leave the mean of a member where it is.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
     return estimator_.bias_bound(levels);
