@@ -158,9 +158,10 @@ class Doubling {
 
   void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
     Sums sums;
-    sum_up(level, level, batch, sums, [](std::span<double>) {});
+    sum_up(level, 0, batch, sums, [](std::span<double>) {});
     const std::span<double> means = std::span(sums.even).first(out.size());
-    for (double& x : means) x *= points_.scale * detail::share_of_draw(level);
+    const double per_point = points_.scale * detail::share_of_draw(level);
+    for (std::size_t b = 0; b < out.size(); ++b) means[b] = (means[b] + sums.odd[b]) * per_point;
     apply(level, means);
     for (std::size_t b = 0; b < out.size(); ++b) out[b] = {means[b], work(level)};
   }

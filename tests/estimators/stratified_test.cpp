@@ -1,6 +1,8 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <stdexcept>
 #include <vector>
 
@@ -10,10 +12,16 @@
 #include "laws/estimator_laws.hpp"
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/stream_batch.hpp>
+#include <debias/estimators/independent_sum.hpp>
+#include <debias/estimators/roulette.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/zeta.hpp>
+#include <debias/sde.hpp>
 
 using namespace debias;
 using namespace debias::trial;
@@ -52,6 +60,33 @@ struct NoisySeries {
     return {2 - 2 * power(0.5, level) + d, d};
   }
   static double difference_variance(std::int64_t level) { return power(0.25, level) / 48; }
+};
+
+/// I_k = 1/2 + 2^-k (U - 1/2) by batches: right (0), with differences that do not telescope (1), with every member in the first
+/// stratum (2).
+template <int mistake>
+struct Skewed {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const { return draw(level, rng.uniform()); }
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out) const { fill(level, batch, out, false); }
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out) const {
+    fill(level, batch, out, true);
+  }
+
+ private:
+  static Draw<double> draw(std::int64_t level, double u) {
+    if (level == 0) return base(u);
+    return {0.5 + power(0.5, level) * (u - 0.5), -power(0.5, level) * (u - 0.5)};
+  }
+  static void fill(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out, bool difference) {
+    std::vector<double> u(out.size());
+    batch.uniforms(u);
+    for (std::size_t b = 0; b < out.size(); ++b) {
+      if (mistake == 2) u[b] = u[0];
+      const Draw<double> d = draw(level, u[b]);
+      out[b] = {difference ? d.difference : d.value};
+      if (mistake == 1 && difference) out[b].value += 0.1 * power(0.5, level);
+    }
+  }
 };
 
 }  // namespace
@@ -190,4 +225,56 @@ TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified]
   CHECK(run.samples == 64);
   CHECK(run.levels.front().count == 8 * 64);
   CHECK(run.levels.at(1).probability == 0.6);
+}
+
+TEST_CASE("members that run together are unbiased and honest, and stratified over their first number",
+          "[stratified][statistical][stat]") {
+  const auto f = [](double x) { return 4 + 3 * std::sin(17 * x); };
+  const double tau = 4 + 3 * (1 - std::cos(17.0)) / 17;
+  const auto comb = function_of_integral(f, functions::ExpMinus{});
+  static_assert(BatchesLevels<decltype(comb)>);
+  for (const Strata strata : all_strata) {
+    for (const Base how : {Base::always, Base::drawn}) {
+      for (const std::int64_t block : {1, 16, 200}) {
+        CAPTURE(name_of(strata), how == Base::drawn, block);
+        CHECK(estimator_laws(stratified(single_term(comb, law, {.base_level = 2, .base = how}), block, strata),
+                             std::exp(-tau), few) == Failures{});
+      }
+    }
+  }
+  // The same members one by one: a sequence behind a lambda offers no batch.
+  const auto alone = [comb](std::int64_t level, Stream& rng) { return comb(level, rng); };
+  const auto together = stratified(single_term(comb, law, {.base_level = 2, .base = Base::drawn}), 64);
+  const auto apart = stratified(single_term(alone, law, {.base_level = 2, .base = Base::drawn}), 64);
+  CHECK(member_variance(together, 1 << 16, 64) < 0.3 * member_variance(apart, 1 << 16, 64));
+
+  const auto call = [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); };
+  const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
+  for (const Base how : {Base::always, Base::drawn}) {
+    CHECK(estimator_laws(stratified(single_term(milstein(stock, call), Geometric::with_exponent(1.5), {.base = how}), 64),
+                         10.450583572185565, few) == Failures{});
+  }
+}
+
+TEST_CASE("the laws reject a batch whose differences are off, or whose members are all in the first stratum",
+          "[stratified][statistical]") {
+  const laws::EstimatorLawOptions options{.samples = 1 << 12, .repeats = 0};
+  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<1>{}, law), 16), 0.5, options), "unbiased"));
+  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<2>{}, law), 16), 0.5, options), "unbiased"));
+  CHECK(estimator_laws(stratified(single_term(Skewed<0>{}, law), 16), 0.5, options) == Failures{});
+}
+
+TEST_CASE("stratified roulette and independent sums are unbiased", "[stratified][statistical][stat]") {
+  const auto terms = [](Stream& rng) {
+    return [&rng, k = std::int64_t{0}]() mutable { return Term<double>{2 * rng.uniform() * power(0.5, k++)}; };
+  };
+  for (const Strata strata : all_strata) {
+    CAPTURE(name_of(strata));
+    CHECK(estimator_laws(stratified(roulette(terms, Geometric(0.4)), 16, strata), 2, few) == Failures{});
+    CHECK(estimator_laws(stratified(independent_sum(GeometricSeries{}, Geometric(0.4)), 16, strata),
+                         GeometricSeries{}.truth(), few) == Failures{});
+  }
+  const auto plain = estimate(roulette(terms, Geometric(0.4)), {.samples = 1 << 16});
+  const auto strata = stratified(roulette(terms, Geometric(0.4)), 64);
+  CHECK(member_variance(strata, 1 << 16, 64) < plain.moments.variance());
 }

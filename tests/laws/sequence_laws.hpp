@@ -10,6 +10,7 @@
 //   work          is positive and finite
 //   telescoping   E I_k - E I_(k-1) = E D_k, the three means from independent streams
 //   same means    value_at(k), difference_at(k) and shared(N, m), where offered, mean what I_k and D_k mean
+//   batches       values, differences and shared of many members, where offered, are those of one by one
 //   rates         log2 E D_k^2 and log2 E work_k have the declared slopes over the upper levels
 //
 // Means are compared per component, at `z_limit` standard errors. What cannot be seen here: a coupling that
@@ -21,6 +22,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <span>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -29,6 +31,7 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 
 #include "failures.hpp"
@@ -136,6 +139,7 @@ class SequenceLaws {
     }
     telescoping();
     same_means();
+    batches();
     if constexpr (DeclaresRates<S>) {
       if (options_.rates) declared_rates(s_.rates);
     }
@@ -202,6 +206,54 @@ class SequenceLaws {
       Stream rng(options_.seed, i);
       const auto d = s_(0, rng);
       if (!equal_bits(d.value, d.difference)) return fail("level 0: the difference is not the value");
+    }
+  }
+
+  /// Each number of each member against what its stream gives alone, for batches of several sizes.
+  void batches() {
+    for (const std::size_t size : {std::size_t{1}, std::size_t{3}, std::size_t{20}, StreamBatch::capacity}) {
+      for (std::int64_t k = options_.first; k <= options_.last; ++k) {
+        [[maybe_unused]] const std::string where = "level " + std::to_string(k) + ", batch of " + std::to_string(size);
+        if constexpr (BatchesValues<S>) {
+          batch<Term<V>>(
+              "values, " + where, k, size, [&](auto& streams, auto out) { s_.values(k, streams, out); },
+              [&](Stream& rng) { return value_of(s_, k, rng); });
+        }
+        if constexpr (BatchesDifferences<S>) {
+          batch<Term<V>>(
+              "differences, " + where, k, size, [&](auto& streams, auto out) { s_.differences(k, streams, out); },
+              [&](Stream& rng) { return difference_of(s_, k, rng); });
+        }
+        if constexpr (BatchesShared<S>) {
+          for (std::int64_t m = options_.first; m < k; ++m) {
+            batch<SharedDraw<V>>(
+                "shared, base " + std::to_string(m) + ", " + where, k, size,
+                [&](auto& streams, auto out) { s_.shared(k, m, streams, out); },
+                [&](Stream& rng) { return s_.shared(k, m, rng); });
+          }
+        }
+      }
+    }
+  }
+
+  template <class Draw, class Together, class Alone>
+  void batch(const std::string& what, std::int64_t level, std::size_t size, const Together& together,
+             const Alone& alone) {
+    const Stream sample(options_.seed, 1);
+    std::vector<Draw> out(size);
+    StreamBatch streams(sample, 5, size, static_cast<std::uint64_t>(level));
+    together(streams, std::span(out));
+    for (std::size_t b = 0; b < size; ++b) {
+      Stream rng = split_level(sample.split(5 + b), level);
+      const auto one = numbers(alone(rng));
+      const auto many = numbers(out[b]);
+      double scale = std::abs(value(level).components[0].mean);
+      for (const auto& x : one.values) scale = std::max(scale, std::abs(x));
+      bool same = one.work == many.work;
+      for (std::size_t i = 0; i < one.values.size(); ++i) {
+        same = same && std::abs(one.values[i] - many.values[i]) <= options_.rounding * scale;
+      }
+      if (!same) return fail(what + ": member " + std::to_string(b) + " is another draw than alone");
     }
   }
 
