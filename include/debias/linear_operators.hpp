@@ -179,11 +179,18 @@ class WalkMatrix {
     Eigen::Index to;
     double factor;  // a_ij / p_ij
   };
+  /// From i by a uniform number; with factor 0 where the row is empty.
   [[nodiscard]] Step step(Eigen::Index i, double u) const {
-    const double total = row_sum(i);
-    const auto first = running_.begin() + begin(i);
-    const auto last = running_.begin() + begin(i + 1) - 1;  // rounding must not lead beyond the row
-    const auto k = std::lower_bound(first, last, u * total) - running_.begin();
+    const Eigen::Index first = begin(i);
+    const Eigen::Index last = begin(i + 1) - 1;  // rounding must not lead beyond the row
+    if (last < first) return {i, 0};
+    const double total = running_[static_cast<std::size_t>(last)];
+    Eigen::Index k = first;
+    if (last - first < 8) {
+      for (Eigen::Index j = first; j < last; ++j) k += running_[static_cast<std::size_t>(j)] < u * total ? 1 : 0;
+    } else {
+      k = std::lower_bound(running_.begin() + first, running_.begin() + last, u * total) - running_.begin();
+    }
     return {matrix_.innerIndexPtr()[k], std::copysign(total, matrix_.valuePtr()[k])};
   }
 
@@ -236,10 +243,8 @@ auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
                                            running.begin())];
   };
   const auto advance = [walk](const State& s, Stream& rng) -> State {
-    const double u = rng.uniform();
-    if (s.weight == 0 || walk->row_sum(s.at) == 0) return {s.at, 0};  // the walk has ended
-    const auto step = walk->step(s.at, u);
-    return {step.to, s.weight * step.factor};
+    const auto step = walk->step(s.at, rng.uniform());
+    return {step.to, s.weight * step.factor};  // of weight 0 once a walk has ended
   };
   const auto read = [b = std::make_shared<const Eigen::VectorXd>(std::move(b))](const State& s) {
     return s.weight * (*b)[s.at];

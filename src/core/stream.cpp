@@ -60,17 +60,15 @@ constexpr double central_width = 0.425;
   return q * central(0.180625 - q * q);
 }
 
-// Of all numbers, as if all were central.
-[[gnu::always_inline]] inline void central_quantiles(const double* u, double* x, std::size_t n) {
-  for (std::size_t i = 0; i < n; ++i) x[i] = central_quantile(u[i]);
-}
+// What the magnitude of the quantile of a tail is a rational function of.
+[[gnu::always_inline]] inline double tail_distance(double u) { return std::sqrt(-std::log(u < 0.5 ? u : 1 - u)); }
 
 }  // namespace
 
 double normal_quantile(double u) {
   const double q = u - 0.5;
   if (std::abs(q) <= central_width) return central_quantile(u);
-  const double r = std::sqrt(-std::log(q < 0 ? u : 1 - u));
+  const double r = tail_distance(u);
   const double magnitude = r <= 5 ? middle(r - 1.6) : far(r - 5);
   return q < 0 ? -magnitude : magnitude;
 }
@@ -189,37 +187,66 @@ bool wide() {
   return is_wide;
 }
 
-[[gnu::target("avx2")]] void central_quantiles_avx2(const double* u, double* x, std::size_t n) {
-  central_quantiles(u, x, n);
-}
-[[gnu::target("avx512f,avx512dq,avx512vl")]] void central_quantiles_avx512(const double* u, double* x, std::size_t n) {
-  central_quantiles(u, x, n);
-}
-
 #endif
 
-void central_quantiles_of(const double* u, double* x, std::size_t n) {
+// f of many numbers, in the widest vectors there are: the same bits in all of them.
+template <class F>
+[[gnu::always_inline]] inline void each(const double* from, double* to, std::size_t n, const F& f) {
+  for (std::size_t i = 0; i < n; ++i) to[i] = f(from[i]);
+}
+#if defined(__x86_64__)
+template <class F>
+[[gnu::target("avx2")]] void each_avx2(const double* from, double* to, std::size_t n, const F& f) {
+  each(from, to, n, f);
+}
+template <class F>
+[[gnu::target("avx512f,avx512dq,avx512vl")]] void each_avx512(const double* from, double* to, std::size_t n,
+                                                              const F& f) {
+  each(from, to, n, f);
+}
+#endif
+template <class F>
+void each_of(const double* from, double* to, std::size_t n, const F& f) {
 #if defined(__x86_64__)
   switch (instructions()) {
-    case Instructions::avx512: return central_quantiles_avx512(u, x, n);
-    case Instructions::avx2: return central_quantiles_avx2(u, x, n);
+    case Instructions::avx512: return each_avx512(from, to, n, f);
+    case Instructions::avx2: return each_avx2(from, to, n, f);
     case Instructions::sse2: break;
   }
 #endif
-  central_quantiles(u, x, n);
+  each(from, to, n, f);
 }
+
+struct Central {
+  [[gnu::always_inline]] double operator()(double u) const { return central_quantile(u); }
+};
+struct Middle {
+  [[gnu::always_inline]] double operator()(double r) const { return middle(r - 1.6); }
+};
 
 }  // namespace
 
-void normal_quantiles(std::span<double> u) {
+void normal_quantiles(std::span<double> numbers) {
   constexpr std::size_t block = 256;
   std::array<double, block> x;
-  for (; !u.empty(); u = u.subspan(std::min(block, u.size()))) {
-    const std::span<double> some = u.first(std::min(block, u.size()));
-    central_quantiles_of(some.data(), x.data(), some.size());
-    for (std::size_t i = 0; i < some.size(); ++i) {
-      some[i] = std::abs(some[i] - 0.5) <= central_width ? x[i] : normal_quantile(some[i]);
+  std::array<double, block> r;
+  std::array<double, block> magnitude;
+  std::array<std::size_t, block> where;
+  for (; !numbers.empty(); numbers = numbers.subspan(std::min(block, numbers.size()))) {
+    const std::span<double> u = numbers.first(std::min(block, numbers.size()));
+    each_of(u.data(), x.data(), u.size(), Central{});  // as if all were central
+    std::size_t tails = 0;
+    for (std::size_t i = 0; i < u.size(); ++i) {
+      where[tails] = i;
+      tails += std::abs(u[i] - 0.5) <= central_width ? 0 : 1;
     }
+    for (std::size_t i = 0; i < tails; ++i) r[i] = tail_distance(u[where[i]]);
+    each_of(r.data(), magnitude.data(), tails, Middle{});
+    for (std::size_t i = 0; i < tails; ++i) {
+      const double m = r[i] <= 5 ? magnitude[i] : far(r[i] - 5);
+      x[where[i]] = u[where[i]] < 0.5 ? -m : m;
+    }
+    std::copy_n(x.begin(), u.size(), u.begin());
   }
 }
 
