@@ -134,8 +134,64 @@ void runner(benchmark::State& state, const S& sequence) {
   state.counters["efficiency"] = statistics.efficiency();
 }
 
+// A finite difference of sin at 1 with steps 2^-k: one random number for the noise, no more.
+struct FiniteDifference {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double noise = rng.uniform();
+    const auto slope = [noise](double h) { return (std::sin(1 + h) - std::sin(1)) / h * (0.5 + noise); };
+    const double h = std::ldexp(1.0, -static_cast<int>(level));
+    return level == 0 ? base(slope(h)) : coupled(slope(h), slope(2 * h));
+  }
+};
+
+// exp(-integral) of a linear function on combs.
+struct Comb {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const std::int64_t n = std::int64_t{1} << level;
+    const double u = rng.uniform();
+    double even = 0;
+    double odd = 0;
+    for (std::int64_t i = 0; i < n; ++i) (i % 2 == 0 ? even : odd) += 2 * (static_cast<double>(i) + u) / n_of(n);
+    const double fine = std::exp(-(even + odd) / n_of(n));
+    if (level == 0) return base(fine);
+    return coupled(fine, (std::exp(-2 * even / n_of(n)) + std::exp(-2 * odd / n_of(n))) / 2, n_of(n));
+  }
+  static double n_of(std::int64_t n) { return static_cast<double>(n); }
+};
+
+// One path of geometric Brownian motion by Milstein's scheme.
+struct Path {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const std::int64_t n = std::int64_t{1} << level;
+    const double h = 1 / static_cast<double>(n);
+    if (level == 0) return base(step(1, h, rng.normal()));
+    double fine = 1;
+    double coarse = 1;
+    for (std::int64_t i = 0; i < n; i += 2) {
+      const double a = std::sqrt(h) * rng.normal();
+      const double b = std::sqrt(h) * rng.normal();
+      fine = step(step(fine, h, a), h, b);
+      coarse = step(coarse, 2 * h, a + b);
+    }
+    return coupled(fine, coarse, 1.5 * static_cast<double>(n));
+  }
+  static double step(double x, double h, double dw) { return x * (1 + 0.05 * h + 0.2 * dw + 0.02 * (dw * dw - h)); }
+};
+
+// Terms U 2^-k of a series.
+struct Series {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double term = std::ldexp(2 * rng.uniform(), -static_cast<int>(level));
+    return level == 0 ? base(term) : Draw<double>{2 - term, term, 1};
+  }
+};
+
 BENCHMARK_CAPTURE(runner, skeleton, Skeleton{})->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(runner, reciprocal, Doubling{})->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(runner, finite_difference, FiniteDifference{})->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(runner, comb, Comb{})->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(runner, path, Path{})->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(runner, series, Series{})->Iterations(1)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace debias::bench

@@ -1,0 +1,111 @@
+// Error against time over four decades of samples, on ten problems: slope/..., and the memory of 10^9 samples.
+//
+//   slope      of log |error| over log seconds, fitted to N = 10^3 ... 10^7, one thread
+//   predicted  -1/2; for a law whose samples have tail index alpha < 2: -(1 - 1 / alpha)   [stable laws, Feller 1971]
+//
+// The error is a root mean square over seeds where the variance is finite, a median of |error| where it is not.
+
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include <debias/pmf/geometric.hpp>
+
+#include "catalog.hpp"
+#include "paired.hpp"
+
+namespace debias::bench {
+namespace {
+
+/// `alpha` is the tail index of a sample: infinity stands for a finite variance.
+void slope(benchmark::State& state, const char* id, const AnyPmf& law, double alpha) {
+  const catalog::Problem& problem = catalog::find(id);
+  const bool finite = std::isinf(alpha);
+  std::vector<double> x;
+  std::vector<double> y;
+  for (auto _ : state) {
+    std::int64_t samples = 1000;
+    for (const int seeds : {256, 256, 256, 128, 64}) {
+      std::vector<double> errors;
+      double seconds = 0;
+      double squares = 0;
+      for (int seed = 1; seed <= seeds; ++seed) {
+        const Statistics s = problem.run({.law = law, .base_level = problem.lowest_base},
+                                         {.samples = samples, .seed = static_cast<std::uint64_t>(seed), .threads = 1});
+        const double error = s.components.front().mean - problem.truth;
+        errors.push_back(std::abs(error));
+        squares += error * error / seeds;
+        seconds += s.seconds / seeds;
+      }
+      x.push_back(std::log(seconds));
+      y.push_back(std::log(finite ? std::sqrt(squares) : median(errors)));
+      samples *= 10;
+    }
+  }
+  double mean_x = 0;
+  double mean_y = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    mean_x += x[i] / static_cast<double>(x.size());
+    mean_y += y[i] / static_cast<double>(x.size());
+  }
+  double xx = 0;
+  double xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mean_x) * (x[i] - mean_x);
+    xy += (x[i] - mean_x) * (y[i] - mean_y);
+  }
+  state.counters["slope"] = xy / xx;
+  state.counters["predicted"] = finite ? -0.5 : -(1 - 1 / alpha);
+}
+
+void add(const char* id, const AnyPmf& law, double alpha = std::numeric_limits<double>::infinity()) {
+  benchmark::RegisterBenchmark(
+      (std::string("slope/") + id).c_str(), [=](benchmark::State& state) { slope(state, id, law, alpha); })
+      ->Iterations(1)
+      ->Unit(benchmark::kSecond);
+}
+void add(const char* id) { add(id, default_law(catalog::find(id))); }
+
+/// The most memory that this process has had, in MB.
+double peak_memory() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    if (word != "VmHWM:") continue;
+    double kilobytes = 0;
+    status >> kilobytes;
+    return kilobytes / 1024;
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+void memory(benchmark::State& state) {
+  const catalog::Problem& problem = catalog::find("D01");
+  const catalog::Choice choice{.law = default_law(problem)};
+  for (auto _ : state) {
+    problem.run(choice, {.samples = 1'000'000});
+    state.counters["MB_after_1e6"] = peak_memory();
+    problem.run(choice, {.samples = 1'000'000'000});
+    state.counters["MB_after_1e9"] = peak_memory();
+  }
+}
+BENCHMARK(memory)->Name("slope/memory")->Iterations(1)->Unit(benchmark::kSecond);
+
+const bool registered = [] {
+  for (const char* id : {"A10", "A13", "B02", "C01", "D01", "E02", "F02", "H01"}) add(id);
+  // Terms q^k under tails (1 - r)^k: a sample of level k has size (q / (1 - r))^k, alpha = log(1 - r) / log((1 - r) / q).
+  for (const double alpha : {1.25, 1.6}) {
+    const double q = 0.5;  // D01
+    const double tail = std::pow(q, alpha / (alpha - 1));
+    add("D01", AnyPmf(Geometric(1 - tail)), alpha);
+  }
+  return true;
+}();
+
+}  // namespace
+}  // namespace debias::bench
