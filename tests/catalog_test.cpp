@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "catalog.hpp"
+#include "catalog/hard.hpp"
 #include "catalog/validation.hpp"
 
 #include "catch_shim.hpp"
@@ -120,4 +121,21 @@ TEST_CASE("a replay of the largest samples of a run gives their level and their 
       }
     }
   }
+}
+
+TEST_CASE("no hard case is wrong without a word, and one that is wrong without a word fails", "[catalog][statistical]") {
+  const HardReport report = validate(hard_cases(), {.samples = 20000, .seed = 2});
+  for (const HardCell& cell : report.cells) {
+    CAPTURE(cell.group, cell.parameter, cell.truth, cell.error, cell.says);
+    CHECK(cell.status != HardStatus::fail);
+    if (cell.status == HardStatus::said) CHECK_FALSE(cell.says.empty());
+  }
+  CHECK(report.failed == 0);
+
+  HardCase wrong = hard_cases().front();  // an estimate without a doubt
+  const HardCell right = validate({wrong}, {.samples = 20000, .seed = 2}).cells.front();
+  REQUIRE(right.status == HardStatus::pass);
+  REQUIRE(right.says.empty());
+  wrong.truth += 20 * right.statistics.total_error();
+  CHECK(validate({wrong}, {.samples = 20000, .seed = 2}).failed == 1);
 }

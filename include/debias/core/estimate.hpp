@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -32,6 +33,15 @@ Statistics run(const Plan& plan, std::string estimator, const ChunkBody& body);
 Plan plan_for_goal(const Plan& plan, const ChunkBody& pilot, double& seconds);
 void check_goal(const Goal& goal);
 Statistics merge(const Statistics& a, const Statistics& b);
+/// Says so where the standard error is below the rounding of the values themselves.
+void warn_of_single_precision(Statistics& statistics, double epsilon);
+
+template <Value V>
+Statistics with_rounding(Statistics statistics) {
+  constexpr double epsilon = epsilon_of<V>();
+  if constexpr (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(statistics, epsilon);
+  return statistics;
+}
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
@@ -86,6 +96,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
       if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
     }
   }
+  statistics = detail::with_rounding<V>(std::move(statistics));
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
@@ -101,9 +112,9 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {
   if constexpr (RealValue<V> || ComplexValue<V>) {
-    return Result<V>(detail::merge(a, b), V{});
+    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), V{});
   } else {
-    return Result<V>(detail::merge(a, b), a.mean);
+    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), a.mean);
   }
 }
 
