@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "catalog.hpp"
+#include "catalog/hard.hpp"
 #include "catalog/validation.hpp"
 
 #include "catch_shim.hpp"
@@ -119,5 +120,77 @@ TEST_CASE("a replay of the largest samples of a run gives their level and their 
         CHECK(sample.level == large.level);
       }
     }
+  }
+}
+
+TEST_CASE("no hard case is wrong without a word, and one that is wrong without a word fails", "[catalog][statistical]") {
+  const HardReport report = validate(hard_cases(), {.samples = 20000, .seed = 2});
+  for (const HardCell& cell : report.cells) {
+    CAPTURE(cell.group, cell.parameter, cell.truth, cell.error, cell.says);
+    CHECK(cell.status != HardStatus::fail);
+    if (cell.status == HardStatus::said) CHECK_FALSE(cell.says.empty());
+  }
+  CHECK(report.failed == 0);
+
+  HardCase wrong = hard_cases().front();  // an estimate without a doubt
+  const HardCell right = validate({wrong}, {.samples = 20000, .seed = 2}).cells.front();
+  REQUIRE(right.status == HardStatus::pass);
+  REQUIRE(right.says.empty());
+  wrong.truth += 20 * right.statistics.total_error();
+  CHECK(validate({wrong}, {.samples = 20000, .seed = 2}).failed == 1);
+}
+
+namespace {
+
+/// P(sup |F_n - F| is larger), Kolmogorov's series, of numbers that should be standard normal.
+double kolmogorov_smirnov(std::vector<double> z) {
+  std::sort(z.begin(), z.end());
+  const auto n = static_cast<double>(z.size());
+  double distance = 0;
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    const double f = 0.5 * std::erfc(-z[i] / std::sqrt(2.0));
+    const auto rank = static_cast<double>(i);
+    distance = std::max({distance, f - rank / n, (rank + 1) / n - f});
+  }
+  const double x = (std::sqrt(n) + 0.12 + 0.11 / std::sqrt(n)) * distance;
+  double p = 0;
+  for (int k = 1; k < 100; ++k) p += (k % 2 == 1 ? 2 : -2) * std::exp(-2.0 * k * k * x * x);
+  return std::clamp(p, 0.0, 1.0);
+}
+
+}  // namespace
+
+// Cells of one validation share their streams, so their z are not independent: here each cell has a seed of its own.
+TEST_CASE("z of all cells that pass is standard normal, at a published seed and at another",
+          "[catalog][statistical][.long]") {
+  for (const std::uint64_t published : {1U, 20261125U}) {
+    std::vector<double> z;
+    const Report report = validate([] {
+      std::vector<const Problem*> all;
+      for (const Problem& p : problems()) all.push_back(&p);
+      return all;
+    }(), {.samples = 1000, .seed = published});
+    std::uint64_t seed = published << 20;
+    for (const Cell& cell : report.cells) {
+      ++seed;
+      if (cell.status != Status::pass && cell.status != Status::fail) continue;
+      const Statistics s = cell.problem->run(cell.choice, {.samples = 20000, .seed = seed});
+      const double error = believed_error(s, cell.problem->truth);
+      if (s.components.front().standard_error < error) continue;  // rounding, not noise
+      z.push_back((s.components.front().mean - cell.problem->truth) / error);
+      if (std::abs(z.back()) < 4) continue;
+      WARN(cell.problem->id << " " << name_of(cell.choice) << ", base " << cell.choice.base_level << ", seed " << seed
+                            << ": z = " << z.back() << ", the result says: " << doubts_of(s));
+      // heavy tails that 20000 samples do not see (B26, p-series): the result must say so
+      CHECK((std::abs(z.back()) < report.threshold || !doubts_of(s).empty()));
+    }
+    const Moments m = Moments::of(z);
+    const double p = kolmogorov_smirnov(z);
+    WARN("seed " << published << ": " << m.count << " cells, mean " << m.mean << ", spread " << std::sqrt(m.variance())
+                 << ", Kolmogorov-Smirnov p = " << p);
+    REQUIRE(m.count > 300);
+    CHECK(p > 1e-6);
+    for (double& v : z) v += 0.5;  // a bias of half a standard error in every cell
+    CHECK(kolmogorov_smirnov(z) < 1e-6);
   }
 }

@@ -77,6 +77,8 @@ refused_by 2 "--seed = 'random'" replay A01 --seed random --sample 1
 refused_by 2 "--sample = '-1'" replay A01 --seed 1 --sample -1
 refused_by 2 "'exp_of_mean'.*did you mean 'exp-of-mean'" validate A01 exp_of_mean
 refused_by 2 "--samples = '1'" validate --samples 1
+refused_by 2 "--samples = '1'" validate --hard --samples 1
+refused_by 2 "'A01' is a problem" validate --hard A01
 refused_by 2 "--confidence" validate A01 --confidence 0.9
 refused_by 2 "write problems, estimators or laws" list everything
 refused_by 2 "did you mean 'laws'" list law
@@ -207,6 +209,12 @@ check "a summary of validate" has '^[0-9]* cells: [0-9]* passed, 0 failed' out
 check "a refused cell says why" has '"status":"refused","reason":"..*"' cells.jsonl
 check "the summary is the last line" eval 'tail -n 1 cells.jsonl | grep -q "\"max_abs_z\""'
 
+"$debias" validate --hard --samples 1e4 > out 2> err
+check "hard cases say what is wrong with them" same $? 0
+check "and are counted" has '^[0-9]* cases, 0 wrong without a word' out
+"$debias" validate --hard --samples 1e4 --json > hard.jsonl
+check "a hard case in JSON" has '"status":"said"' hard.jsonl
+
 for topic in problems estimators laws; do
   "$debias" list $topic > out 2> err
   check "list $topic" [ "$(lines out)" -ge 4 -a "$(lines err)" -eq 0 ]
@@ -229,6 +237,7 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err
   done
   check "valid JSON lines: validate" python3 -c "$strict" lines < cells.jsonl 2> err
+  check "valid JSON lines: validate --hard" python3 -c "$strict" lines < hard.jsonl 2> err
 fi
 
 conclude

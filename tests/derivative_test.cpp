@@ -244,6 +244,17 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a function in single precision ends where its own rounding takes over, and keeps its bound",
+          "[derivative][statistical]") {
+  const auto f = [](double x, Stream& rng) { return static_cast<float>(std::exp(x * rng.uniform())); };
+  const auto single = finite_difference(f, 1.0);
+  const auto r = estimate(single_term(single), {.samples = 1 << 17, .seed = 5});
+  CHECK(single.last_level() < 14);
+  CHECK(r.bias_bound.size < 0.01);
+  CHECK(std::abs(r.mean - 1) <= 4.5 * r.standard_error + r.bias_bound.size);
+  CHECK(r.standard_error < 0.01);  // 0.9 where the levels go on as in double precision
+}
+
 TEST_CASE("the bound of a run is in its result, printed, and kept by a merge", "[derivative][exact]") {
   const auto s = single_term(finite_difference([](double x) { return std::sin(x); }, 1.0));
   const auto a = estimate(s, {.samples = 4096});

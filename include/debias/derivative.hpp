@@ -214,7 +214,7 @@ class FiniteDifference {
       const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
       amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
     }
-    return amplified * std::numeric_limits<double>::epsilon() * size_;
+    return amplified * epsilon_of<value_type>() * size_;
   }
 
   Rates rates;

@@ -144,6 +144,12 @@ Plan read_plan(const Arguments& arguments) {
   return plan;
 }
 
+Plan read_validation_plan(const Arguments& arguments) {
+  Plan plan = read_plan(arguments);
+  if (plan.samples > 1) return plan;
+  throw std::invalid_argument("--samples = '1' (has no standard error); did you mean '1e5'?");
+}
+
 std::uint64_t read_seed_or_random(const std::string& text) {
   static constexpr std::array<std::string_view, 1> words = {"random"};
   if (text == words[0]) {

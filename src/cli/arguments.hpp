@@ -50,6 +50,7 @@ struct Arguments {
   bool json = false;
   bool csv = false;
   bool compare = false;
+  bool hard = false;
   bool allow_infinite_mean = false;
   bool quiet = false;
 };
@@ -69,6 +70,9 @@ RecipeOptions read_recipe(const Arguments& arguments, const catalog::Problem& pr
 
 /// Samples or a goal, seed and threads. The seed `random` is drawn here; every result names the seed that it used.
 Plan read_plan(const Arguments& arguments);
+
+/// The same, for cells that are judged: two samples at least.
+Plan read_validation_plan(const Arguments& arguments);
 
 std::int64_t read_levels(const std::string& text);
 std::int64_t read_points(const std::string& text);

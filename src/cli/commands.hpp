@@ -26,6 +26,7 @@ int list(const Arguments& arguments);
 int run(const Arguments& arguments);
 int replay(const Arguments& arguments);
 int validate(const Arguments& arguments);
+int validate_hard(const Arguments& arguments);
 int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
 int diagnose(const Arguments& arguments);

@@ -461,4 +461,30 @@ std::string summary_json(const Validation& v) {
   return json.dump();
 }
 
+std::string hard_cell_json(const catalog::HardCell& cell) {
+  const auto figure = [&cell](double x) { return cell.has_run ? number(x) : Json(nullptr); };
+  const ComponentEstimate c = cell.has_run ? cell.statistics.components.front() : ComponentEstimate{};
+  const Json json = {{"case", cell.group},
+                     {"hard_by", cell.parameter},
+                     {"truth", cell.truth},
+                     {"mean", figure(c.mean)},
+                     {"standard_error", figure(c.standard_error)},
+                     {"error", figure(cell.error)},
+                     {"digits_lost", figure(cell.digits_lost)},
+                     {"bias_bound", figure(cell.statistics.bias_bound.size)},
+                     {"status", name_of(cell.status)},
+                     {"says", cell.says}};
+  return json.dump();
+}
+
+std::string hard_summary_json(const catalog::HardReport& report, const Plan& plan) {
+  Json json = {{"cells", report.cells.size()},
+               {"failed", report.failed},
+               {"threshold", report.threshold},
+               {"samples", plan.samples},
+               {"seed", plan.seed}};
+  add_versions(json);
+  return json.dump();
+}
+
 }  // namespace debias::cli

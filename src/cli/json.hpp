@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "../catalog/hard.hpp"
 #include "commands.hpp"
 
 namespace debias::cli {
@@ -26,5 +27,7 @@ std::string render_json(const Pictures& pictures);
 /// One line each.
 std::string cell_json(const catalog::Cell& cell);
 std::string summary_json(const Validation& validation);
+std::string hard_cell_json(const catalog::HardCell& cell);
+std::string hard_summary_json(const catalog::HardReport& report, const Plan& plan);
 
 }  // namespace debias::cli

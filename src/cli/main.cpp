@@ -177,9 +177,12 @@ int dispatch(int argc, char** argv) {
   CLI::App& validate_app = add(3, "validate", validate, "Hold every estimator against the exact answers",
                                "  debias validate\n"
                                "  debias validate A01 A02 --samples 1e6\n"
+                               "  debias validate --hard\n"
                                "  debias validate --json -o cells.jsonl");
   commands[3].arguments.samples = "1e5";
   validate_app.add_option("PROBLEM", commands[3].arguments.problems, "Ids or names; all when there is none");
+  validate_app.add_flag("--hard", commands[3].arguments.hard,
+                        "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
   add_plan(validate_app, commands[3].arguments);
   add_output(validate_app, commands[3].arguments);
 

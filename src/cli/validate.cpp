@@ -59,14 +59,13 @@ Counts count(const catalog::Report& report) {
 }
 
 int validate(const Arguments& arguments) {
+  if (arguments.hard) return validate_hard(arguments);
   std::vector<const catalog::Problem*> problems;
   for (const std::string& name : arguments.problems) problems.push_back(&catalog::find(name));
   if (problems.empty()) {
     for (const catalog::Problem& p : catalog::problems()) problems.push_back(&p);
   }
-  Plan plan = read_plan(arguments);
-  if (plan.samples < 2)
-    throw std::invalid_argument("--samples = '1' (has no standard error); did you mean '1e5'?");
+  Plan plan = read_validation_plan(arguments);
   Output out(arguments.output);
 
   // Rows appear as cells end, so the widths are fixed beforehand.

@@ -108,7 +108,29 @@ void add_warnings(Statistics& s) {
     s.warnings.emplace_back("one sample has no standard error; run at least two.");
     return;
   }
-  if (!(s.moments.m2 > 0) || s.largest.empty()) return;
+  const auto has_mean = [](const ComponentEstimate& c) { return std::isfinite(c.mean); };
+  if (!std::all_of(s.components.begin(), s.components.end(), has_mean)) {
+    s.warnings.emplace_back("the sum of these samples overflows, so the mean is not a number; scale the values.");
+    return;
+  }
+  if (!std::isfinite(s.total_error())) {
+    s.warnings.emplace_back("squares of these samples overflow, so there is no standard error; scale the values.");
+    return;
+  }
+  const double highest = s.upper_tail.front();
+  const double lowest = s.lower_tail.front();
+  if (highest == lowest && (s.components.size() == 1 || s.total_error() == 0)) {
+    s.warnings.push_back("all " + std::to_string(s.samples) +
+                         " samples are equal, so the standard error says nothing: a value that comes up less than "
+                         "three times in as many would not have been seen.");
+    return;
+  }
+  constexpr double least_square = 1e-290;  // below, squares lose their digits
+  if ((highest - lowest) * (highest - lowest) < least_square) {
+    s.warnings.emplace_back("squares of the deviations underflow, so the standard error is too small; scale the values.");
+    return;
+  }
+  if (!(s.moments.m2 > 0)) return;
   const double distance = s.largest.front().value - s.moments.mean;
   const double share = distance * distance / s.moments.m2;
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
@@ -251,6 +273,12 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
 }
 
 }  // namespace
+
+void warn_of_single_precision(Statistics& s, double epsilon) {
+  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
+  s.warnings.emplace_back("the standard error is below the rounding of single-precision values, which may have moved "
+                          "the mean by more; compute the values in double.");
+}
 
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
   constexpr double pilot_share = 1.0 / 16;  // of the run

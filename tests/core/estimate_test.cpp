@@ -460,7 +460,6 @@ TEST_CASE("a sample that carries the variance brings a warning, and a light tail
   CHECK_THAT(few.warnings[0], Catch::Contains("standard error is itself uncertain by"));
 
   CHECK(run([](Stream& rng) { return rng.normal(); }, 0, 10'000).warnings.empty());
-  CHECK(run([](Stream&) { return 2.0; }, 0, 10'000).warnings.empty());
 }
 
 TEST_CASE("one sample has a mean and no standard error", "[core][estimate][exact]") {
@@ -539,4 +538,31 @@ TEST_CASE("a result prints mean, interval, samples, work, time, efficiency and i
         "work          4.25e+06 (4.25 per sample)\n"
         "seconds       0.5\n"
         "efficiency    1.97e+06 = 1 / (variance x seconds per sample)\n");
+}
+
+TEST_CASE("a result says when its samples are all equal, overflow, underflow or are coarser than their error",
+          "[estimate][exact]") {
+  const auto first_warning = [](const auto& e) {
+    const auto result = estimate(e, {.samples = 1000});
+    return result.warnings.empty() ? std::string() : result.warnings.front();
+  };
+  const auto scaled_uniform = [](double scale) { return [scale](Stream& rng) { return scale * rng.uniform(); }; };
+  CHECK(first_warning(scaled_uniform(1)).empty());
+  CHECK_THAT(first_warning(scaled_uniform(0)), Catch::Contains("all 1000 samples are equal"));
+  CHECK_THAT(first_warning([](Stream&) { return 0.1; }), Catch::Contains("all 1000 samples are equal"));
+  CHECK_THAT(first_warning(scaled_uniform(1e-200)), Catch::Contains("underflow"));
+  CHECK_THAT(first_warning(scaled_uniform(5e-324)), Catch::Contains("underflow"));
+  CHECK_THAT(first_warning(scaled_uniform(1e200)), Catch::Contains("squares of these samples overflow"));
+  CHECK_THAT(first_warning(scaled_uniform(1e308)), Catch::Contains("the mean is not a number"));
+  const auto third = [](auto one) {
+    return [one](Stream& rng) { return one / 3 + one * static_cast<decltype(one)>(1e-9 * rng.uniform()); };
+  };
+  CHECK(first_warning(third(1.0)).empty());
+  CHECK_THAT(first_warning([](Stream& rng) { return rng.uniform() < 0.5 ? 1.0F / 3 : std::nextafter(1.0F / 3, 1.0F); }),
+             Catch::Contains("single-precision"));
+  // a vector that turns: every norm is 1, no two values are equal
+  CHECK(first_warning([](Stream& rng) {
+          const double phi = 6.3 * rng.uniform();
+          return std::complex<double>(std::cos(phi), std::sin(phi));
+        }).empty());
 }

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -44,6 +45,15 @@ std::int64_t chunk_of(const E& estimator) {
 }
 
 Statistics merge(const Statistics& a, const Statistics& b);
+/// Says so where the standard error is below the rounding of the values themselves.
+void warn_of_single_precision(Statistics& statistics, double epsilon);
+
+template <Value V>
+Statistics with_rounding(Statistics statistics) {
+  constexpr double epsilon = epsilon_of<V>();
+  if constexpr (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(statistics, epsilon);
+  return statistics;
+}
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
@@ -98,6 +108,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
       if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
     }
   }
+  statistics = detail::with_rounding<V>(std::move(statistics));
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
@@ -113,9 +124,9 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {
   if constexpr (RealValue<V> || ComplexValue<V>) {
-    return Result<V>(detail::merge(a, b), V{});
+    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), V{});
   } else {
-    return Result<V>(detail::merge(a, b), a.mean);
+    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), a.mean);
   }
 }
 

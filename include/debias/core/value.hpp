@@ -18,6 +18,7 @@
 #include <complex>
 #include <concepts>
 #include <cstddef>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -89,6 +90,20 @@ concept Value = std::copy_constructible<V> && std::is_copy_assignable_v<V> &&
                   { a + b } -> std::convertible_to<V>;
                   { a - b } -> std::convertible_to<V>;
                 };
+
+/// The relative spacing of the numbers that a value is made of: 2^-23 for single precision, else 2^-52.
+template <Value V>
+constexpr double epsilon_of() {
+  if constexpr (RealValue<V>) {
+    return static_cast<double>(std::numeric_limits<V>::epsilon());
+  } else if constexpr (ComplexValue<V>) {
+    return epsilon_of<typename V::value_type>();
+  } else if constexpr (ArrayValue<V>) {
+    return epsilon_of<typename V::Scalar>();
+  } else {
+    return std::numeric_limits<double>::epsilon();
+  }
+}
 
 /// factor * v, component by component in double.
 template <Value V>
