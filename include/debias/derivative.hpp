@@ -23,6 +23,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -34,6 +35,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -156,6 +158,16 @@ class FiniteDifference {
     for (int i = 1; i <= options_.extrapolations; ++i)
       value = sum(std::move(value), scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
+  }
+
+  /// What is not random is the same for all members of a batch.
+  static constexpr bool batches = std::same_as<value_type, double> && detail::PlainFunction<F>;
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    std::fill(out.begin(), out.end(), value_at(level, batch.stream(0)));
+  }
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    const auto draw = (*this)(level, batch.stream(0));
+    std::fill(out.begin(), out.end(), Term<value_type>{draw.difference, draw.work});
   }
 
   /// The deepest level with a difference of its own.

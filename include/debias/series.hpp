@@ -13,9 +13,12 @@
 // deterministic prefix before the random tail is the base level.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
+#include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -23,6 +26,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -101,6 +105,15 @@ class Series {
       partial = sum(std::move(partial), term);
     }
     return {std::move(partial), std::move(term), work_ * (static_cast<double>(level) + 1)};
+  }
+
+  /// Terms that are not random are the same for all members of a batch.
+  static constexpr bool batches = std::same_as<value_type, double> && !detail::RandomTerm<T>;
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    std::fill(out.begin(), out.end(), value_at(level, batch.stream(0)));
+  }
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    std::fill(out.begin(), out.end(), difference_at(level, batch.stream(0)));
   }
 
   [[nodiscard]] const T& terms() const { return term_; }
