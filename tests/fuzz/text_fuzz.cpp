@@ -1,0 +1,61 @@
+// Numbers, laws and names from any text: refused with std::invalid_argument, or read; a law is the one that its spec
+// is parsed to.
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include <debias/pmf/any.hpp>
+
+#include "cli/arguments.hpp"
+#include "core/text.hpp"
+
+namespace {
+
+using namespace debias;
+
+template <class Read>
+void refused_or(const Read& read) {
+  try {
+    read();
+  } catch (const std::invalid_argument& e) {
+    if (*e.what() == '\0') std::abort();
+  }
+}
+
+void read_law(std::string_view text) {
+  const AnyPmf law = AnyPmf::parse(text);
+  const AnyPmf again = AnyPmf::parse(law.spec());
+  for (const std::int64_t j : {0, 1, 2, 10, 100}) {
+    if (law.mass(j) != again.mass(j) || law.tail(j) != again.tail(j)) std::abort();
+    if (!(law.mass(j) >= 0 && law.mass(j) <= 1 && law.tail(j) >= 0 && law.tail(j) <= 1)) std::abort();
+  }
+  for (const double u : {0.9, 0.5, 1e-3}) {
+    try {
+      if (law.sample(u) < 0) std::abort();
+    } catch (const std::length_error&) {
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  refused_or([&] {
+    if (const double x = parse_double(text, "x"); !std::isfinite(x) || parse_double(to_text(x), "x") != x) std::abort();
+  });
+  refused_or([&] {
+    if (const std::uint64_t n = parse_count(text, "n", 3, 1'000'000); n < 3 || n > 1'000'000) std::abort();
+  });
+  refused_or([&] { cli::read_confidence(text); });
+  refused_or([&] { cli::read_seconds(text, "t"); });
+  refused_or([&] { cli::read_seed(text); });
+  refused_or([&] { catalog::find(text.substr(0, 100)); });
+  refused_or([&] { read_law(text); });
+  return 0;
+}
