@@ -35,6 +35,8 @@ struct Arguments {
   std::string threads = "0";
   std::string confidence = "0.95";
   std::string output;
+  std::string checkpoint;
+  std::string shard;
   std::string spp = "64";
   std::string equal_time = "none";
   std::string size = "512x512";

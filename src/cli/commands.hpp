@@ -24,6 +24,8 @@ namespace debias::cli {
 
 int list(const Arguments& arguments);
 int run(const Arguments& arguments);
+int resume(const Arguments& arguments);
+int merge(const Arguments& arguments);
 int replay(const Arguments& arguments);
 int validate(const Arguments& arguments);
 int validate_hard(const Arguments& arguments);
@@ -162,6 +164,13 @@ struct Diagnosis {
 };
 
 Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+/// The same; `prepare` has the last word on the plan.
+Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                    const std::function<void(Plan&)>& prepare);
+/// Prints the result; the exit code.
+int finish(const Run& run, const Arguments& arguments, class Output& out);
+/// `run` with `--checkpoint` or `--shard`.
+int run_with_checkpoint(const Arguments& arguments);
 MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 Replay replay_of(const catalog::Problem& problem, const Arguments& arguments);

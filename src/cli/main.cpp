@@ -120,7 +120,7 @@ const Command& chosen(const CLI::App& app, const std::vector<Command>& commands)
     if (command.app->parsed()) return command;
   }
   throw std::invalid_argument(
-      "no command; write list, run, replay, validate, survey, tradeoff, diagnose or render, or see "
+      "no command; write list, run, resume, merge, replay, validate, survey, tradeoff, diagnose or render, or see "
       "`debias --help`");
 }
 
@@ -134,7 +134,7 @@ int dispatch(int argc, char** argv) {
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Command> commands(9);  // options point into it
+  std::vector<Command> commands(11);  // options point into it
   const auto add_to = [&](CLI::App& parent, std::size_t i, const char* name, int (*execute)(const Arguments&),
                           const char* description, const char* examples) -> CLI::App& {
     commands[i].app = parent.add_subcommand(name, description);
@@ -162,7 +162,32 @@ int dispatch(int argc, char** argv) {
   add_plan(run_app, commands[1].arguments);
   add_goal(run_app, commands[1].arguments);
   run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
+  run_app.add_option("--checkpoint", commands[1].arguments.checkpoint,
+                     "Write what is finished to this file, about once a second, for `debias resume`")
+      ->type_name("FILE");
+  run_app.add_option("--shard", commands[1].arguments.shard,
+                     "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint")
+      ->type_name("I/N");
   add_output(run_app, commands[1].arguments);
+
+  CLI::App& resume_app = add(9, "resume", resume, "Go on with a run from its checkpoint, or tighten it",
+                             "  debias resume run.checkpoint\n"
+                             "  debias resume run.checkpoint --error 1e-5");
+  Arguments& resumed = commands[9].arguments;
+  resume_app.add_option("FILE", resumed.file, "What `debias run --checkpoint FILE` wrote")->required();
+  resume_app.add_option("--samples", resumed.samples, "Samples in all, those of the file included")->type_name("N");
+  add_goal(resume_app, resumed);
+  resume_app.add_option("--threads", resumed.threads, "0 takes all cores; the result does not depend on it")
+      ->type_name("T");
+  add_output(resume_app, resumed);
+
+  CLI::App& merge_app = add(10, "merge", merge, "Join the checkpoints of shards into the result of one run",
+                            "  debias merge part-1 part-2 part-3\n"
+                            "  debias merge part-* --checkpoint whole --json");
+  merge_app.add_option("FILE", commands[10].arguments.problems, "Checkpoints of one run, in any order")->required();
+  merge_app.add_option("--checkpoint", commands[10].arguments.checkpoint, "Write the union to this file")
+      ->type_name("FILE");
+  add_output(merge_app, commands[10].arguments);
 
   CLI::App& replay_app =
       add(2, "replay", replay, "Draw one sample of a run again, with every level it touched",

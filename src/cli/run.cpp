@@ -131,6 +131,11 @@ void print(std::ostream& out, const AdviceOn& a) {
 }
 
 Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
+  return prepared_run_of(problem, arguments, watch, {});
+}
+
+Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                    const std::function<void(Plan&)>& prepare) {
   const bool by_recipe = wants_recipe(arguments);
   catalog::Choice choice;
   RecipeOptions options;
@@ -138,6 +143,7 @@ Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Wa
             : void(choice = read_choice(arguments, problem));
   const double confidence = read_confidence(arguments.confidence);
   Plan plan = read_plan(arguments);
+  if (prepare) prepare(plan);
   double total = plan.goal.asked() || by_recipe ? 0 : static_cast<double>(plan.samples);
   plan.progress = [&](std::int64_t finished) {
     return watch(problem.id, static_cast<double>(finished), total);
@@ -167,12 +173,17 @@ Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Wa
 }
 
 int run(const Arguments& arguments) {
+  if (!arguments.checkpoint.empty() || !arguments.shard.empty()) return run_with_checkpoint(arguments);
   const catalog::Problem& problem = catalog::find(arguments.problem);
   if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
   Output out(arguments.output);
   Progress progress(arguments.quiet);
   const Run result = run_of(problem, arguments, watch_on(progress));
   progress.erase();
+  return finish(result, arguments, out);
+}
+
+int finish(const Run& result, const Arguments& arguments, Output& out) {
   if (!result.verdict.finite_work && !arguments.quiet) complain("warning: " + result.verdict.sentence);
 
   if (arguments.json) {
@@ -185,7 +196,7 @@ int run(const Arguments& arguments) {
   if (out.is_file() && !arguments.quiet) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
-    summary.stream() << problem.id << ' ' << problem.name << ": " << with_error(c.mean, c.standard_error)
+    summary.stream() << result.problem->id << ' ' << result.problem->name << ": " << with_error(c.mean, c.standard_error)
                      << ", z = " << rounded(result.z, 3) << ", " << s.samples << " samples, seed " << s.seed << '\n';
     summary.flush();
   }

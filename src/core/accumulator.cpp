@@ -155,6 +155,17 @@ void Extremes::merge(const Extremes& other) {
   nonfinite_ += other.nonfinite_ - 1;
 }
 
+void Extremes::hand_over(Extremes& others) {
+  upper_.hand_over(others.upper_);
+  lower_.hand_over(others.lower_);
+  largest_.hand_over(others.largest_);
+  if (nonfinite_ == 0) return;
+  others.add_nonfinite(first_nonfinite_);
+  others.nonfinite_ += nonfinite_ - 1;
+  nonfinite_ = 0;
+  first_nonfinite_ = -1;
+}
+
 void Accumulator::merge(const Accumulator& right) {
   moments.merge(right.moments);
   components.merge(right.components);
@@ -165,7 +176,10 @@ void Accumulator::merge(const Accumulator& right) {
 void Recorder::flush() {
   const std::span values(values_.data(), filled_);
   sums_.moments.merge(Moments::of(values));
-  extremes_.add(values, std::span(levels_.data(), filled_), block_first_);
+  const auto known = static_cast<std::size_t>(
+      std::clamp<std::int64_t>(known_ - block_first_, 0, static_cast<std::int64_t>(filled_)));
+  extremes_.add(values.subspan(known), std::span(levels_.data(), filled_).subspan(known),
+                block_first_ + static_cast<std::int64_t>(known));
   block_first_ += static_cast<std::int64_t>(filled_);
   filled_ = 0;
 }

@@ -8,9 +8,13 @@
 #include <mutex>
 #include <stdexcept>
 #include <thread>
+#include <utility>
+#include <vector>
 
 namespace debias {
 namespace {
+
+constexpr double save_interval = 1;  // seconds
 
 void check(const Plan& plan) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
@@ -26,33 +30,40 @@ void check(const Plan& plan) {
   }
 }
 
-// The chunks of a plan, handed out in order to whoever asks.
+// The chunks of the samples that are missing, handed out in order to whoever asks.
 class Chunks {
  public:
-  Chunks(const Plan& plan, std::int64_t size)
-      : first_(plan.first), last_(plan.first + plan.samples), size_(size), next_(plan.first / size) {}
+  Chunks(std::vector<RunState::Range> gaps, std::int64_t size) : gaps_(std::move(gaps)), size_(size) {
+    for (const auto& [first, last] : gaps_) {
+      starts_.push_back(count_);
+      count_ += (last - 1) / size - first / size + 1;
+    }
+  }
 
-  [[nodiscard]] std::int64_t count() const { return (last_ - 1) / size_ - first_ / size_ + 1; }
+  [[nodiscard]] std::int64_t count() const { return count_; }
 
   // The samples of the next chunk; empty when there is none.
-  std::pair<std::int64_t, std::int64_t> take() {
-    const std::int64_t chunk = next_.fetch_add(1);
-    const std::int64_t last_chunk = (last_ - 1) / size_;
-    if (chunk > last_chunk) return {last_, last_};
-    const std::int64_t begin = std::max(first_, chunk * size_);
-    const std::int64_t end = chunk == last_chunk ? last_ : (chunk + 1) * size_;
-    return {begin, end};
+  RunState::Range take() {
+    const std::int64_t number = next_.fetch_add(1);
+    if (number >= count_) return {0, 0};
+    const auto gap = static_cast<std::size_t>(std::upper_bound(starts_.begin(), starts_.end(), number) -
+                                              starts_.begin() - 1);
+    const auto [first, last] = gaps_[gap];
+    const std::int64_t chunk = first / size_ + (number - starts_[gap]);
+    const std::int64_t end = chunk == (last - 1) / size_ ? last : (chunk + 1) * size_;
+    return {std::max(first, chunk * size_), end};
   }
 
  private:
-  std::int64_t first_;
-  std::int64_t last_;
+  std::vector<RunState::Range> gaps_;
+  std::vector<std::int64_t> starts_;  // the number of the first chunk of each gap
+  std::int64_t count_ = 0;
   std::int64_t size_;
-  std::atomic<std::int64_t> next_;
+  std::atomic<std::int64_t> next_ = 0;
 };
 
 // Means, errors, rows and warnings from the sums of a run.
-Statistics finish(std::string estimator, std::uint64_t seed, double seconds, RunState state) {
+Statistics finish(std::string estimator, std::uint64_t seed, RunState state) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Accumulator sums = state.total();
   Statistics s;
@@ -62,7 +73,7 @@ Statistics finish(std::string estimator, std::uint64_t seed, double seconds, Run
   s.samples = state.last() - state.first();
   s.moments = sums.moments;
   s.work = sums.work;
-  s.seconds = seconds;
+  s.seconds = state.seconds;
   s.nonfinite = state.extremes.nonfinite();
   s.first_nonfinite = state.extremes.first_nonfinite();
   s.largest = state.extremes.largest();
@@ -172,26 +183,58 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
 Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body) {
   check(plan);
   const auto start = std::chrono::steady_clock::now();
+  const std::int64_t end = plan.first + plan.samples;
   RunState state(chunk);
-  Chunks chunks(plan, chunk);
+  if (plan.earlier) {
+    state.merge(*plan.earlier);
+    if (state.last() > end || (state.last() > 0 && state.first() < plan.first)) {
+      throw std::invalid_argument("Plan: samples [" + std::to_string(plan.first) + ", " + std::to_string(end) +
+                                  ") (an earlier run holds others, of [" + std::to_string(state.first()) + ", " +
+                                  std::to_string(state.last()) + ")); ask for at least those");
+    }
+  }
+  const double earlier_seconds = state.seconds;
+  const std::int64_t known = state.reopen(end);  // the extremes hold the samples of a cut chunk before it
+  Chunks chunks(state.missing({plan.first, end}), chunk);
   std::atomic<std::int64_t> done = 0;
+  const auto seconds_now = [&] {
+    return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   std::atomic<bool> stop = false;
   std::mutex mutex;  // guards state and failure
+  const std::function<bool(std::int64_t)> no_progress;
   std::exception_ptr failure;
   std::int64_t failed_index = std::numeric_limits<std::int64_t>::max();
 
+  // A save may not cost more than a hundredth of the run.
+  double next_save = earlier_seconds + save_interval;
+  const auto save = [&] {
+    const double began = seconds_now();
+    RunState finished(chunk);
+    {
+      const std::lock_guard lock(mutex);
+      state.seconds = began;
+      finished = state;
+    }
+    plan.save(finished, plan);
+    const double ended = seconds_now();
+    next_save = ended + std::max(save_interval, 100 * (ended - began));
+  };
+
   // Chunks are taken in order and a taken chunk always ends, so the smallest failing index is always found.
-  const auto work = [&](const std::function<bool(std::int64_t)>& progress) {
+  const auto work = [&](bool is_caller) {
+    const auto& progress = is_caller ? plan.progress : no_progress;
     Recorder recorder;
     while (!stop.load(std::memory_order_relaxed)) {
       const auto [first, last] = chunks.take();
       if (first >= last) break;
-      recorder.begin_chunk(first);
+      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0);
       try {
         body(first, last, recorder);
         const Accumulator& sums = recorder.end_chunk();
         const std::lock_guard lock(mutex);
         state.add_chunk(first, last, sums);
+        recorder.extremes().hand_over(state.extremes);
       } catch (...) {
         stop = true;
         const std::lock_guard lock(mutex);
@@ -202,6 +245,7 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
         break;
       }
       const std::int64_t finished = done += last - first;
+      if (is_caller && plan.save && seconds_now() >= next_save) save();
       if (!progress) continue;
       bool go_on = false;
       try {
@@ -216,18 +260,17 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
         if (!failure) failure = std::make_exception_ptr(Interrupted("estimate: interrupted by the caller"));
       }
     }
-    const std::lock_guard lock(mutex);
-    state.extremes.merge(recorder.extremes());
   };
 
   const unsigned wanted =
       plan.threads > 0 ? static_cast<unsigned>(plan.threads) : std::thread::hardware_concurrency();
-  const auto threads = std::clamp<std::int64_t>(wanted, 1, std::min<std::int64_t>(chunks.count(), 1024));
+  const auto threads = std::clamp<std::int64_t>(wanted, 1, std::clamp<std::int64_t>(chunks.count(), 1, 1024));
   {
     std::vector<std::jthread> helpers;
-    for (std::int64_t i = 1; i < threads; ++i) helpers.emplace_back([&work] { work({}); });
-    work(plan.progress);
+    for (std::int64_t i = 1; i < threads; ++i) helpers.emplace_back([&work] { work(false); });
+    work(true);
   }
+  if (plan.save) save();
   if (failure) {
     try {
       std::rethrow_exception(failure);
@@ -237,8 +280,8 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
       rethrow_with_sample(plan.seed, failed_index);
     }
   }
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  Statistics statistics = finish(std::move(estimator), plan.seed, seconds.count(), std::move(state));
+  state.seconds = seconds_now();
+  Statistics statistics = finish(std::move(estimator), plan.seed, std::move(state));
   add_warnings(statistics);
   return statistics;
 }
@@ -287,14 +330,22 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   check_goal(plan.goal);
   Plan pilot = plan;
   // Where `samples` says that the run is short, so is the pilot.
-  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(plan.samples / 64, fewest, 1024);
+  const std::int64_t expected = plan.earlier ? 1024 * 64 : plan.samples;
+  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 64, fewest, 1024);
+  pilot.save = {};
+  pilot.earlier = {};
+  const auto planned = [&](std::int64_t samples) {
+    Plan result = plan;
+    result.samples = samples;
+    if (plan.earlier) result.samples = std::max(samples, plan.samples);  // fixed before those were drawn
+    return result;
+  };
   for (;;) {
     const Statistics s = run(pilot, "pilot", chunk, body);
     seconds += s.seconds;
     const double wanted = wanted_samples(plan.goal, s, seconds);
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
-      pilot.samples = s.samples;
-      return pilot;
+      return planned(s.samples);
     }
     // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
@@ -303,8 +354,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
         throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) +
                                     " samples (does not fit 64 bits)");
       }
-      pilot.samples = std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted)));
-      return pilot;
+      return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }
     pilot.samples = static_cast<std::int64_t>(next);
   }
@@ -326,7 +376,7 @@ Statistics merge(const Statistics& a, const Statistics& b) {
            std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) +
            ") do not meet at a multiple of " + std::to_string(state.chunk()) + "; choose `first` and `samples` so");
   }
-  Statistics statistics = finish(a.estimator, a.seed, a.seconds + b.seconds, std::move(state));
+  Statistics statistics = finish(a.estimator, a.seed, std::move(state));
   statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;
   for (LevelRow& row : statistics.levels) {
     for (const Statistics* part : {&a, &b}) {

@@ -55,6 +55,28 @@ void RunState::merge(const RunState& other) {
   }
   for (const auto& [first, node] : other.nodes_) insert(first, node);
   extremes.merge(other.extremes);
+  seconds += other.seconds;
+}
+
+std::vector<RunState::Range> RunState::missing(Range range) const {
+  std::vector<Range> gaps;
+  std::int64_t position = range.first;
+  for (const auto& [begin, node] : nodes_) {
+    if (node.last % chunk_ != 0 && node.last < range.second) continue;  // cut
+    if (begin > position) gaps.emplace_back(position, begin);
+    position = node.last;
+  }
+  if (position < range.second) gaps.emplace_back(position, range.second);
+  return gaps;
+}
+
+std::int64_t RunState::reopen(std::int64_t end) {
+  if (nodes_.empty()) return 0;
+  const auto node = std::prev(nodes_.end());
+  const std::int64_t last = node->second.last;
+  if (last % chunk_ == 0 || last >= end) return 0;
+  nodes_.erase(node);
+  return last;
 }
 
 std::int64_t RunState::first() const { return nodes_.empty() ? 0 : nodes_.begin()->first; }

@@ -28,6 +28,10 @@
 
 namespace debias {
 
+namespace detail {
+struct Codec;  // src/core/checkpoint.cpp
+}
+
 /// Count, mean and central sums sum (x - mean)^q of real numbers.
 struct Moments {
   std::int64_t count = 0;
@@ -80,6 +84,7 @@ class ComponentMoments {
   [[nodiscard]] std::span<const Entry> entries() const { return entries_; }
 
  private:
+  friend struct detail::Codec;
   [[noreturn]] void size_mismatch(std::size_t components) const;
 
   std::int64_t count_ = 0;
@@ -133,6 +138,7 @@ class LevelTable {
   static std::pair<std::int64_t, std::int64_t> levels_of_row(std::size_t row);
 
  private:
+  friend struct detail::Codec;
   static std::size_t row_of(std::int64_t level) {
     if (level < single_levels) return static_cast<std::size_t>(level);
     constexpr int bits = std::bit_width(static_cast<std::uint64_t>(single_levels));
@@ -156,6 +162,13 @@ class Leading {
   void merge(const Leading& other) {
     for (const T& x : other.kept_) add(x);
   }
+  /// Moves all elements to `others`, and keeps only a mark of what those would not take.
+  void hand_over(Leading& others) {
+    others.merge(*this);
+    kept_.clear();
+    full_ = others.full_;
+    last_ = others.last_;
+  }
   /// False when adding x would change nothing.
   [[nodiscard]] bool wants(const T& x) const { return !full_ || Before{}(x, last_); }
   [[nodiscard]] std::vector<T> sorted() const {
@@ -166,6 +179,7 @@ class Leading {
   }
 
  private:
+  friend struct detail::Codec;
   void prune() {
     const auto last = kept_.begin() + (capacity - 1);
     std::nth_element(kept_.begin(), last, kept_.end(), Before{});
@@ -197,6 +211,8 @@ class Extremes {
   /// `values[i]` is the scalar of sample first_index + i, `levels[i]` its deepest level.
   void add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index);
   void merge(const Extremes& other);
+  /// Moves all that is here to `others`.
+  void hand_over(Extremes& others);
 
   [[nodiscard]] std::vector<double> upper_tail() const { return upper_.sorted(); }
   [[nodiscard]] std::vector<double> lower_tail() const { return lower_.sorted(); }
@@ -206,6 +222,7 @@ class Extremes {
   [[nodiscard]] std::int64_t first_nonfinite() const { return first_nonfinite_; }
 
  private:
+  friend struct detail::Codec;
   struct Greater {
     bool operator()(double a, double b) const { return a > b; }
   };
@@ -250,9 +267,11 @@ struct Accumulator {
 /// The sample loop's end of the statistics, one for each thread: the Record of the estimator, and the samples.
 class Recorder {
  public:
-  void begin_chunk(std::int64_t first_index) {
+  /// Samples before `known` are in the extremes already.
+  void begin_chunk(std::int64_t first_index, std::int64_t known = 0) {
     sums_.clear();
     block_first_ = first_index;
+    known_ = known;
     filled_ = 0;
   }
 
@@ -277,7 +296,7 @@ class Recorder {
     flush();
     return sums_;
   }
-  [[nodiscard]] const Extremes& extremes() const { return extremes_; }
+  [[nodiscard]] Extremes& extremes() { return extremes_; }
 
  private:
   static constexpr std::size_t block_size = 256;
@@ -287,6 +306,7 @@ class Recorder {
   Accumulator sums_;
   Extremes extremes_;
   std::int64_t block_first_ = 0;
+  std::int64_t known_ = 0;
   std::size_t filled_ = 0;
   std::array<double, block_size> values_;
   std::array<std::int64_t, block_size> levels_;

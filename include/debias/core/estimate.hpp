@@ -13,7 +13,9 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -87,7 +89,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
         rehearse(first, last);
       } else if (first >= rehearsed) {  // some whole chunks at once
         constexpr std::int64_t size = 1 << 16;
-        rehearsed = std::min((first / size + 1) * size, fixed.first + fixed.samples);
+        rehearsed = fixed.earlier ? last : std::min((first / size + 1) * size, fixed.first + fixed.samples);
         rehearse(first, rehearsed);
       }
     }
@@ -116,6 +118,23 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     rehearse(plan.first, plan.first + 1);
     return Result<V>(std::move(statistics), draw(plan.first, record).value);
   }
+}
+
+/// The result with more samples: all that it has count, those up to plan.samples or as many as the goal asks for are
+/// drawn, with the bits of one run of that size. The goal's pilot has streams of its own, so the samples that came
+/// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the result.
+/// Throws std::invalid_argument for another estimator, or for fewer samples than the result has.
+template <Estimator E>
+Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
+  if (result.estimator != description(estimator)) {
+    throw std::invalid_argument("extend: the result is of another estimator (" + result.estimator + ", not " +
+                                description(estimator) + ")");
+  }
+  plan.seed = result.seed;
+  plan.first = result.first;
+  if (plan.goal.asked()) plan.samples = result.samples;  // at least
+  plan.earlier = std::make_shared<RunState>(result.state);
+  return estimate(estimator, plan);
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:

@@ -12,8 +12,10 @@
 #include <functional>
 #include <iosfwd>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
@@ -22,6 +24,8 @@
 #include <debias/core/verdict.hpp>
 
 namespace debias {
+
+class RunState;
 
 /// A wish that a pilot, on streams of its own, turns into a number of samples before the run starts: at most one of
 /// the three. A run that stopped when its error looks small would stop just before the rare large sample.
@@ -45,6 +49,11 @@ struct Plan {
   /// Called on the calling thread with the number of finished samples; return false to give up (Interrupted).
   std::function<bool(std::int64_t done)> progress = {};
   Goal goal = {};  ///< takes the place of `samples` where one is asked for
+  /// Called on the calling thread about once a second, where the run ends and where it is interrupted, with the sums of
+  /// the finished chunks and the plan that they belong to: what a later run with `earlier` goes on from.
+  std::function<void(const RunState& finished, const Plan& plan)> save = {};
+  /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan.
+  std::shared_ptr<const RunState> earlier = {};
 };
 
 /// Thrown when Plan::progress asks to stop: a part of a run whose end depended on the clock is not a result.
@@ -114,10 +123,18 @@ class RunState {
   /// True when [first, last) has no hole and no cut inside a chunk.
   [[nodiscard]] bool contiguous() const;
   [[nodiscard]] Accumulator total() const;
+  using Range = std::pair<std::int64_t, std::int64_t>;
+  /// The samples [first, second) that it does not hold, of `range`, a cut chunk counted as not held.
+  [[nodiscard]] std::vector<Range> missing(Range range) const;
+  /// Takes out the sums of the last chunk where it is cut before `end`, so that it can be drawn again; returns its end. The
+  /// extremes keep its samples.
+  std::int64_t reopen(std::int64_t end);
 
   Extremes extremes;
+  double seconds = 0;  ///< of the runs that these sums are from
 
  private:
+  friend struct detail::Codec;
   struct Node {
     std::int64_t last = 0;
     std::int64_t chunks = 0;  // a power of two; 0 for a chunk that is not complete

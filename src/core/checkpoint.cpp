@@ -1,0 +1,380 @@
+#include "core/checkpoint.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+
+#include <boost/crc.hpp>
+
+#include <debias/core/stream.hpp>
+
+namespace debias {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+constexpr std::string_view magic = "DEBIASCP";
+constexpr std::uint32_t format_version = 1;
+constexpr std::uint32_t byte_order = 0x01020304;
+constexpr std::uint32_t record_mark = 0x44434552;  // "RECD"
+
+std::uint32_t crc(std::span<const std::byte> bytes) {
+  boost::crc_32_type sum;
+  sum.process_bytes(bytes.data(), bytes.size());
+  return sum.checksum();
+}
+
+class Writer {
+ public:
+  static constexpr bool reads = false;
+  template <class T>
+  void number(const T& x) {
+    static_assert(std::is_arithmetic_v<T>);
+    if constexpr (std::is_same_v<T, double>) {
+      number(std::bit_cast<std::uint64_t>(x));
+    } else {
+      for (std::size_t i = 0; i < sizeof(T); ++i) {
+        bytes.push_back(static_cast<std::byte>(static_cast<std::uint64_t>(x) >> (8 * i) & 0xff));
+      }
+    }
+  }
+  void close() { number(crc(bytes)); }
+
+  Bytes bytes;
+};
+
+class Reader {
+ public:
+  static constexpr bool reads = true;
+  explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  template <class T>
+  void number(T& x) {
+    static_assert(std::is_arithmetic_v<T>);
+    if constexpr (std::is_same_v<T, double>) {
+      std::uint64_t bits = 0;
+      number(bits);
+      x = std::bit_cast<double>(bits);
+    } else {
+      const auto raw = take(sizeof(T));
+      std::uint64_t bits = 0;
+      for (std::size_t i = 0; i < sizeof(T); ++i) bits |= std::to_integer<std::uint64_t>(raw[i]) << (8 * i);
+      x = static_cast<T>(bits);
+    }
+  }
+  std::span<const std::byte> take(std::uint64_t n) {
+    if (n > left()) throw std::invalid_argument("it ends too early");
+    const auto taken = bytes_.subspan(position_, static_cast<std::size_t>(n));
+    position_ += taken.size();
+    return taken;
+  }
+  [[nodiscard]] std::size_t left() const { return bytes_.size() - position_; }
+  [[nodiscard]] std::size_t position() const { return position_; }
+
+ private:
+  std::span<const std::byte> bytes_;
+  std::size_t position_ = 0;
+};
+
+void demand(bool holds) {
+  if (!holds) throw std::invalid_argument("its sums contradict each other");
+}
+
+}  // namespace
+
+// One description of the layout for both ways.
+struct detail::Codec {
+  template <class Io, class T, class Item>
+  static void list(Io& io, std::vector<T>& items, std::size_t item_bytes, std::size_t most, const Item& item) {
+    std::uint64_t n = items.size();
+    io.number(n);
+    if constexpr (Io::reads) {
+      demand(n <= most && n <= io.left() / item_bytes);
+      items.resize(static_cast<std::size_t>(n));
+    }
+    for (T& x : items) item(x);
+  }
+
+  template <class Io>
+  static void code(Io& io, LevelSums& s) {
+    io.number(s.count);
+    io.number(s.difference);
+    io.number(s.square);
+    io.number(s.fourth);
+    io.number(s.work);
+    demand(s.count >= 0);
+  }
+
+  template <class Io>
+  static void code(Io& io, Accumulator& a) {
+    io.number(a.moments.count);
+    io.number(a.moments.mean);
+    io.number(a.moments.m2);
+    io.number(a.moments.m3);
+    io.number(a.moments.m4);
+    io.number(a.work);
+    io.number(a.components.count_);
+    list(io, a.components.entries_, 16, io_limit, [&io](ComponentMoments::Entry& e) {
+      io.number(e.mean);
+      io.number(e.m2);
+    });
+    io.number(a.levels.base_level_);
+    code(io, a.levels.base_);
+    list(io, a.levels.rows_, 40, most_rows, [&io](LevelSums& s) { code(io, s); });
+    demand(a.moments.count >= 0 && a.components.count_ >= 0);
+  }
+
+  template <class Io, class T, class Before, std::size_t capacity, class Item>
+  static void code(Io& io, Leading<T, Before, capacity>& l, std::size_t item_bytes, const Item& item) {
+    list(io, l.kept_, item_bytes, 2 * capacity, item);
+    if constexpr (Io::reads) {
+      // Never full and never pruned is a state of its own; anything more is pruned before it is added to.
+      if (l.kept_.size() >= capacity) l.prune();
+    }
+  }
+
+  template <class Io>
+  static void code(Io& io, Extremes& e) {
+    const auto value = [&io](double& x) {
+      io.number(x);
+      demand(std::isfinite(x));
+    };
+    code(io, e.upper_, 8, value);
+    code(io, e.lower_, 8, value);
+    code(io, e.largest_, 24, [&](LargeSample& s) {
+      io.number(s.index);
+      io.number(s.level);
+      value(s.value);
+    });
+    io.number(e.nonfinite_);
+    io.number(e.first_nonfinite_);
+    demand(e.nonfinite_ >= 0 && (e.nonfinite_ > 0) == (e.first_nonfinite_ >= 0));
+  }
+
+  template <class Io>
+  static void code(Io& io, RunState& s) {
+    io.number(s.chunk_);
+    io.number(s.seconds);
+    if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
+    std::uint64_t n = s.nodes_.size();
+    io.number(n);
+    if constexpr (Io::reads) {
+      std::int64_t position = 0;
+      for (; n > 0; --n) {
+        std::int64_t first = 0;
+        RunState::Node node;
+        code(io, first, node);
+        const std::int64_t samples = node.last - first;
+        demand(first >= position && node.last > first && node.chunks >= 0);
+        if (node.chunks == 0) {
+          demand((node.last - 1) / s.chunk_ == first / s.chunk_ && samples < s.chunk_);
+        } else {
+          demand(std::has_single_bit(static_cast<std::uint64_t>(node.chunks)) && samples % s.chunk_ == 0 &&
+                 samples / s.chunk_ == node.chunks && first % samples == 0);
+        }
+        demand(node.sums.moments.count == samples);
+        position = node.last;
+        s.insert(first, std::move(node));
+      }
+    } else {
+      for (auto& [first, node] : s.nodes_) {
+        std::int64_t begin = first;
+        code(io, begin, node);
+      }
+    }
+    code(io, s.extremes);
+  }
+
+  template <class Io>
+  static void code(Io& io, std::int64_t& first, RunState::Node& node) {
+    io.number(first);
+    io.number(node.last);
+    io.number(node.chunks);
+    code(io, node.sums);
+  }
+
+  static constexpr std::size_t most_rows = 121;
+  static constexpr std::size_t io_limit = std::size_t{1} << 40;
+};
+
+namespace {
+
+Bytes header_of(const std::string& text) {
+  Writer w;
+  for (const char c : magic) w.number(static_cast<unsigned char>(c));
+  w.number(format_version);
+  w.number(byte_order);
+  w.number(static_cast<std::uint32_t>(Stream::layout_version));
+  w.number(static_cast<std::uint64_t>(text.size()));
+  for (const char c : text) w.number(static_cast<unsigned char>(c));
+  w.close();
+  return std::move(w.bytes);
+}
+
+Bytes record_of(RunState state) {
+  Writer payload;
+  detail::Codec::code(payload, state);
+  Writer w;
+  w.number(record_mark);
+  w.number(static_cast<std::uint64_t>(payload.bytes.size()));
+  w.bytes.insert(w.bytes.end(), payload.bytes.begin(), payload.bytes.end());
+  w.close();
+  return std::move(w.bytes);
+}
+
+// The payload of the record at the front, if it is whole.
+std::optional<std::span<const std::byte>> next_record(Reader& r, std::span<const std::byte> bytes) {
+  const std::size_t start = r.position();
+  std::uint32_t mark = 0;
+  std::uint64_t size = 0;
+  if (r.left() < 16) return std::nullopt;
+  r.number(mark);
+  r.number(size);
+  if (mark != record_mark || r.left() < 4 || size > r.left() - 4) return std::nullopt;
+  const auto payload = r.take(size);
+  const std::uint32_t expected = crc(bytes.subspan(start, r.position() - start));
+  std::uint32_t stated = 0;
+  r.number(stated);
+  if (stated != expected) return std::nullopt;
+  return payload;
+}
+
+[[noreturn]] void fail(const std::string& path) {
+  throw std::system_error(errno, std::generic_category(), "'" + path + "'");
+}
+
+class File {
+ public:
+  File(const std::string& path, int flags) : path_(path), descriptor_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (descriptor_ < 0) fail(path);
+  }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+  ~File() { close(descriptor_); }
+  void write_all(std::span<const std::byte> bytes) const {
+    while (!bytes.empty()) {
+      const auto n = write(descriptor_, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(path_);
+      bytes = bytes.subspan(static_cast<std::size_t>(n));
+    }
+    if (fsync(descriptor_) != 0) fail(path_);
+  }
+  [[nodiscard]] Bytes read_all() const {
+    struct stat status = {};
+    if (fstat(descriptor_, &status) != 0) fail(path_);
+    if (!S_ISREG(status.st_mode)) {
+      errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
+      fail(path_);
+    }
+    Bytes bytes;
+    std::array<std::byte, 1 << 16> block;
+    for (;;) {
+      const auto n = read(descriptor_, block.data(), block.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(path_);
+      if (n == 0) return bytes;
+      bytes.insert(bytes.end(), block.begin(), block.begin() + n);
+    }
+  }
+  void sync() const { fsync(descriptor_); }
+
+ private:
+  std::string path_;
+  int descriptor_;
+};
+
+}  // namespace
+
+Checkpoint parse_checkpoint(std::span<const std::byte> bytes) {
+  Checkpoint result;
+  Reader r(bytes);
+  const auto refuse = [](const std::string& why) { throw std::invalid_argument("no checkpoint: " + why); };
+  try {
+    const auto name = r.take(magic.size());
+    if (std::memcmp(name.data(), magic.data(), magic.size()) != 0) refuse("it does not begin with DEBIASCP");
+    std::uint32_t format = 0;
+    std::uint32_t order = 0;
+    std::uint32_t layout = 0;
+    std::uint64_t size = 0;
+    r.number(format);
+    r.number(order);
+    r.number(layout);
+    if (order != byte_order) refuse("its byte order is not little endian");
+    if (format != format_version) refuse("its format is version " + std::to_string(format) + ", not 1");
+    r.number(size);
+    for (const std::byte c : r.take(size)) result.text += static_cast<char>(c);
+    const std::uint32_t expected = crc(bytes.first(r.position()));
+    std::uint32_t stated = 0;
+    r.number(stated);
+    if (stated != expected) refuse("the checksum of its header is wrong");
+    if (layout != static_cast<std::uint32_t>(Stream::layout_version)) {
+      refuse("its samples are of stream layout " + std::to_string(layout) + ", not " +
+             std::to_string(Stream::layout_version));
+    }
+  } catch (const std::invalid_argument& e) {
+    if (std::string_view(e.what()).starts_with("no checkpoint")) throw;
+    refuse(e.what());
+  }
+  std::size_t whole = r.position();
+  std::optional<std::span<const std::byte>> last;
+  while (const auto payload = next_record(r, bytes)) {
+    last = payload;
+    whole = r.position();
+  }
+  result.dropped = bytes.size() - whole;
+  if (!last) return result;
+  try {
+    Reader sums(*last);
+    RunState state;
+    detail::Codec::code(sums, state);
+    demand(sums.left() == 0);
+    result.state = std::move(state);
+  } catch (const std::invalid_argument& e) {
+    refuse(e.what());
+  }
+  return result;
+}
+
+Checkpoint read_checkpoint(const std::string& path) { return parse_checkpoint(File(path, O_RDONLY).read_all()); }
+
+CheckpointWriter::CheckpointWriter(std::string path, std::string text, const RunState* state)
+    : path_(std::move(path)), text_(std::move(text)) {
+  write_whole(state);
+}
+
+void CheckpointWriter::write_whole(const RunState* state) {
+  struct stat status = {};
+  if (stat(path_.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {  // never put a file in place of a device
+    errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
+    fail(path_);
+  }
+  Bytes bytes = header_of(text_);
+  if (state != nullptr) {
+    const Bytes record = record_of(*state);
+    bytes.insert(bytes.end(), record.begin(), record.end());
+  }
+  const std::string temporary = path_ + ".new";
+  File(temporary, O_WRONLY | O_CREAT | O_TRUNC).write_all(bytes);
+  if (rename(temporary.c_str(), path_.c_str()) != 0) fail(path_);
+  const std::size_t slash = path_.rfind('/');
+  File(slash == std::string::npos ? "." : path_.substr(0, slash + 1), O_RDONLY | O_DIRECTORY).sync();
+  records_ = state != nullptr ? 1 : 0;
+}
+
+void CheckpointWriter::save(const RunState& state) {
+  if (records_ >= most_records) return write_whole(&state);
+  File(path_, O_WRONLY | O_APPEND).write_all(record_of(state));
+  ++records_;
+}
+
+}  // namespace debias

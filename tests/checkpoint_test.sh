@@ -1,0 +1,104 @@
+#!/bin/sh
+# Checkpoints: the bits of an uninterrupted run after a kill, a torn tail, in shards and with more samples; and what is
+# refused.
+#   sh tests/checkpoint_test.sh PROGRAM
+. "$(dirname -- "$0")/checks.sh"
+
+# The result without its times.
+answer() { "$debias" "$@" --json 2>/dev/null | sed -E '/"(seconds|pilot_seconds|efficiency)":/d' > answer.json; cat answer.json; }
+
+whole=$(answer run A03 --samples 1e6)
+check "a run says the same with a checkpoint" same "$(answer run A03 --samples 1e6 --checkpoint a)" "$whole"
+check "a finished run is said again" same "$(answer resume a)" "$whole"
+check "a finished run grows" same "$(answer resume a --samples 1500001 --threads 1)" "$(answer run A03 --samples 1500001)"
+check "and grows again" same "$(answer resume a --samples 2e6)" "$(answer run A03 --samples 2e6)"
+check "a stratified run grows from within a chunk" same \
+  "$(answer run E02 --block 64 --samples 1001 --checkpoint b >/dev/null; answer resume b --samples 3000)" \
+  "$(answer run E02 --block 64 --samples 3000)"
+check "a run with a goal says the same" same "$(answer run A03 --error 1e-3 --checkpoint g)" "$(answer run A03 --error 1e-3)"
+check "and again" same "$(answer resume g)" "$(answer run A03 --error 1e-3)"
+check "a tighter goal is the run of that goal" same "$(answer resume g --error 5e-4)" "$(answer run A03 --error 5e-4)"
+
+# ---- killed
+long=$(answer run E02 --samples 12000000)
+"$debias" run E02 --samples 12000000 --checkpoint k --threads 1 >/dev/null 2>&1 &
+pid=$!
+tries=0
+while [ $tries -lt 50 ] && ! { [ -f k ] && [ "$(wc -c < k)" -gt 20000 ]; }; do sleep 0.1; tries=$((tries + 1)); done
+kill -9 $pid 2>/dev/null
+wait $pid 2>/dev/null
+check "a killed run goes on" same "$(answer resume k --threads 2)" "$long"
+
+"$debias" run E02 --samples 1e9 --checkpoint s >/dev/null 2>err &
+pid=$!
+sleep 0.5
+kill -TERM $pid
+wait $pid
+check "SIGTERM exits 130" same $? 130
+check "and says how to go on" has "debias resume s" err
+check "what was finished is on disk" [ "$(wc -c < s)" -gt 20000 ]
+
+# ---- torn and broken files
+small=$(answer run A03 --samples 1e3)
+answer run A03 --samples 1e3 --checkpoint t > /dev/null
+size=$(wc -c < t)
+header=$(grep -abo RECD t | head -1 | cut -d: -f1)
+cut=$header
+while [ "$cut" -lt "$size" ]; do
+  head -c "$cut" t > torn
+  check "torn at byte $cut" same "$(answer resume torn)" "$small"
+  cut=$((cut + 1 + (size - header) / 7))
+done
+head -c $((size - 1)) t > torn
+"$debias" resume torn > /dev/null 2> err
+check "a torn tail is named" has "no whole record" err
+{ cat t; echo rest; } > torn
+check "rubbish behind the last record" same "$(answer resume torn)" "$small"
+cut=0
+while [ "$cut" -lt "$header" ]; do
+  head -c "$cut" t > torn
+  check "cut within the header at byte $cut" refused_by 5 "no checkpoint" resume torn
+  cut=$((cut + 23))
+done
+: > empty
+check "an empty file" refused_by 5 "no checkpoint" resume empty
+check "another kind of file" refused_by 5 "no checkpoint" resume "$debias"
+{ head -c 12 t; printf '\001\002\003\004'; tail -c +17 t; } > swapped
+check "the other byte order" refused_by 5 "byte order" resume swapped
+check "no file" refused_by 5 "No such file" resume nothing
+check "a folder" refused_by 5 "directory" resume .
+check "a folder to write" refused_by 5 "directory" run A03 --checkpoint .
+check "a folder that is not there" refused_by 5 "No such file" run A03 --checkpoint no/file
+check "a device" refused_by 5 "checkpoint" run A03 --checkpoint /dev/full
+check "a run is not overwritten" refused_by 5 "debias resume t" run A03 --samples 1e3 --checkpoint t
+check "nor is another one" refused_by 5 "another run" run A03 --samples 1e3 --seed 2 --checkpoint t
+check "nor is a file of another kind" refused_by 5 "no checkpoint" run A03 --checkpoint empty
+check "samples are not thrown away" refused_by 2 "ask for more" resume t --samples 500
+check "two wishes" refused_by 2 "leave one out" resume t --samples 5000 --error 1
+check "a recipe has stages" refused_by 2 "law auto" run A03 --law auto --checkpoint r
+
+# ---- shards
+for samples in 1000 4096 4097 100000 1000000; do
+  expected=$(answer run A03 --samples $samples)
+  for n in 1 2 5; do
+    [ $samples -gt 2000 ] || [ $n -lt 5 ] || continue
+    files=
+    i=1
+    while [ $i -le $n ]; do
+      rm -f part$i
+      answer run A03 --samples $samples --shard $i/$n --checkpoint part$i > /dev/null
+      files="part$i $files"
+      i=$((i + 1))
+    done
+    check "$n shards of $samples" same "$(answer merge $files)" "$expected"
+  done
+done
+check "in another order" same "$(answer merge part3 part1 part5 part2 part4 --checkpoint union)" "$expected"
+check "the union is a run like any other" same "$(answer resume union --samples 1.1e6)" "$(answer run A03 --samples 1.1e6)"
+check "a shard that is missing" refused_by 5 "are missing" merge part1 part2 part4 part5
+check "a shard twice" refused_by 5 "both results hold" merge part1 part1
+check "another run" refused_by 5 "of another run" merge part1 t
+check "a shard does not grow" refused_by 2 "merge the shards" resume part1 --samples 2e6
+check "too many shards" refused_by 2 "only 2 chunks" run A03 --samples 1e3 --shard 5/5 --checkpoint p
+check "a shard without a file" refused_by 2 "write --checkpoint" run A03 --shard 1/2
+conclude

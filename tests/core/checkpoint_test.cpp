@@ -1,0 +1,76 @@
+// Samples that a result has already are not drawn again, and a checkpoint of any bytes is read or refused.
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/estimate.hpp>
+
+#include "core/checkpoint.hpp"
+
+using namespace debias;
+
+namespace {
+
+double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
+
+}  // namespace
+
+TEST_CASE("an extended result has the bits of one run, tails and largest samples included", "[core][estimate][exact]") {
+  for (const std::int64_t first : {0, 300}) {
+    for (const std::int64_t n : {10, 511, 512, 20'000}) {
+      const auto part = estimate(draw, {.samples = n, .seed = 5, .first = first});
+      const auto more = extend(draw, part, {.samples = 30'000});
+      const auto whole = estimate(draw, {.samples = 30'000, .seed = 5, .first = first, .threads = 1});
+      CHECK(more.mean == whole.mean);
+      CHECK(more.moments.m4 == whole.moments.m4);
+      CHECK(more.upper_tail == whole.upper_tail);
+      CHECK(more.lower_tail == whole.lower_tail);
+      CHECK(more.largest == whole.largest);
+      CHECK_THROWS_AS(extend(draw, more, {.samples = n}), std::invalid_argument);
+    }
+  }
+  const auto rough = estimate(draw, {.seed = 5, .goal = {.error = 0.01}});
+  const auto fine = extend(draw, rough, {.goal = {.error = 0.005}});
+  CHECK(fine.mean == estimate(draw, {.seed = 5, .goal = {.error = 0.005}}).mean);
+  CHECK(extend(draw, fine, {.goal = {.error = 0.01}}).samples == fine.samples);
+}
+
+TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte is wrong or missing",
+          "[core][checkpoint][exact]") {
+  const std::string path =
+      (std::filesystem::temp_directory_path() / ("checkpoint_test." + std::to_string(getpid()))).string();
+  const auto run = estimate(draw, {.samples = 700, .seed = 5});
+  CheckpointWriter writer(path, "a text", &run.state);
+  std::ifstream file(path, std::ios::binary);
+  const std::vector<char> chars{std::istreambuf_iterator<char>(file), {}};
+  std::filesystem::remove(path);
+  const auto parse = [](const std::vector<char>& c) { return parse_checkpoint(std::as_bytes(std::span(c))); };
+  const Checkpoint read = parse(chars);
+  CHECK(read.text == "a text");
+  REQUIRE(read.state);
+  CHECK(read.state->total().moments.m4 == run.moments.m4);
+  CHECK(read.state->extremes.upper_tail() == run.upper_tail);
+  CHECK(read.state->extremes.largest() == run.largest);
+  int accepted = 0;
+  for (std::size_t i = 0; i < chars.size(); i += i < 200 ? 1 : 97) {
+    std::vector<char> broken = chars;
+    broken[i] = static_cast<char>(broken[i] ^ 0x10);
+    for (const auto& bytes : {broken, std::vector<char>(chars.begin(), chars.begin() + static_cast<std::ptrdiff_t>(i))}) {
+      try {
+        if (parse(bytes).state) ++accepted;
+      } catch (const std::invalid_argument&) {
+      }
+    }
+  }
+  CHECK(accepted == 0);
+}
