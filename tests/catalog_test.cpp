@@ -107,6 +107,54 @@ TEST_CASE("validation rejects a truth that is off by three times the detectable 
   }
 }
 
+TEST_CASE("the kurtosis that a special method declares is that of its samples", "[catalog][statistical]") {
+  constexpr std::int64_t size = 1 << 12;
+  constexpr int batches = 64;
+  for (const char* id : {"B25", "B28"}) {  // tau = 4: where the kurtosis is small roulette has a part in it
+    for (const char* name : {"p_series_cmf", "p_series_cumulative", "ratio_tracking"}) {
+      CAPTURE(id, name);
+      const Special* special = find_special(find(id), name);
+      REQUIRE(special != nullptr);
+      std::vector<double> second;
+      std::vector<double> fourth;
+      for (int b = 0; b < batches; ++b) {
+        const Moments m = find(id).run({.special = name}, {.samples = size, .seed = 5, .first = b * size}).moments;
+        const double n = size;
+        const double mean2 = m.mean * m.mean;
+        second.push_back(m.m2 / n + mean2);
+        fourth.push_back(m.m4 / n + 4 * m.m3 / n * m.mean + 6 * m.m2 / n * mean2 + mean2 * mean2);
+      }
+      // E Z^4 - kurtosis (E Z^2)^2 = 0, to first order in the noise of the second moment
+      const double square = Moments::of(second).mean;
+      const auto score = [&](double kurtosis) {
+        std::vector<double> excess;
+        for (std::size_t b = 0; b < fourth.size(); ++b)
+          excess.push_back(fourth[b] - kurtosis * square * (2 * second[b] - square));
+        const Moments m = Moments::of(excess);
+        return m.mean / m.standard_error();
+      };
+      CHECK(std::abs(score(special->kurtosis)) < 4.5);
+      CHECK(std::abs(score(1.5 * special->kurtosis)) > 4.5);
+      CHECK(std::abs(score(special->kurtosis / 1.5)) > 4.5);
+    }
+  }
+}
+
+TEST_CASE("samples that cannot see a thick medium are called too few for every method that says its kurtosis",
+          "[catalog][exact]") {
+  const Report report = validate({&find("B26")}, {.samples = 20000});
+  int underpowered = 0;
+  for (const Cell& cell : report.cells) {
+    const Special* special = find_special(find("B26"), cell.choice.special);
+    if (special == nullptr || special->kurtosis == 0) continue;
+    CAPTURE(special->name, cell.reason);
+    CHECK(cell.status == Status::underpowered);
+    CHECK(cell.reason.find(" a kurtosis of 1") != cell.reason.npos);
+    ++underpowered;
+  }
+  CHECK(underpowered == 3);
+}
+
 TEST_CASE("a replay of the largest samples of a run gives their level and their bits", "[catalog][exact]") {
   for (const Problem& p : problems()) {
     if (!law_exists(p.rates)) continue;
@@ -123,7 +171,8 @@ TEST_CASE("a replay of the largest samples of a run gives their level and their 
   }
 }
 
-TEST_CASE("no hard case is wrong without a word, and one that is wrong without a word fails", "[catalog][statistical]") {
+TEST_CASE("no hard case is wrong without a word, and one that is wrong without a word fails",
+          "[catalog][statistical]") {
   const HardReport report = validate(hard_cases(), {.samples = 20000, .seed = 2});
   for (const HardCell& cell : report.cells) {
     CAPTURE(cell.group, cell.parameter, cell.truth, cell.error, cell.says);
@@ -165,11 +214,13 @@ TEST_CASE("z of all cells that pass is standard normal, at a published seed and 
           "[catalog][statistical][.long]") {
   for (const std::uint64_t published : {1U, 20261125U}) {
     std::vector<double> z;
-    const Report report = validate([] {
-      std::vector<const Problem*> all;
-      for (const Problem& p : problems()) all.push_back(&p);
-      return all;
-    }(), {.samples = 1000, .seed = published});
+    const Report report = validate(
+        [] {
+          std::vector<const Problem*> all;
+          for (const Problem& p : problems()) all.push_back(&p);
+          return all;
+        }(),
+        {.samples = 1000, .seed = published});
     std::uint64_t seed = published << 20;
     for (const Cell& cell : report.cells) {
       ++seed;

@@ -4,7 +4,9 @@
 // those that other functions of an integral share with it.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -22,18 +24,40 @@
 
 namespace debias::catalog {
 
-/// Kurtosis of ratio tracking: E Z^q = exp(-a + a E (1 - X / a)^q), a = majorant.
+/// E (1 - X / a)^q for q = 0 ... 4, X = f at a uniform point, a = majorant.
 template <class F>
-double kurtosis_of_ratio_tracking(const F& f, double majorant) {
+std::array<double, 5> ratio_moments(const F& f, double majorant) {
   constexpr int points = 4096;
-  double second = 0;
-  double fourth = 0;
+  std::array<double, 5> moments{};
   for (int i = 0; i < points; ++i) {
-    const double r = 1 - f((i + 0.5) / points) / majorant;
-    second += r * r / points;
-    fourth += r * r * r * r / points;
+    double power = 1.0 / points;
+    const double ratio = 1 - f((i + 0.5) / points) / majorant;
+    for (double& moment : moments) {
+      moment += power;
+      power *= ratio;
+    }
   }
-  return std::exp(-majorant + majorant * fourth - 2 * (-majorant + majorant * second));
+  return moments;
+}
+
+/// Kurtosis of ratio tracking: E Z^q = exp(-a + a E (1 - X / a)^q).
+inline double kurtosis_of_ratio_tracking(const std::array<double, 5>& ratio, double a) {
+  return std::exp(-a + a * ratio[4] - 2 * (-a + a * ratio[2]));
+}
+
+/// Kurtosis of the power series summed in full: V_(k-1) = 1 + (1 - X / a) a / k V_k, in units of its term k - 1,
+/// with X and V_k independent. Roulette adds noise of the size of the first term, nothing where this is large.
+inline double kurtosis_of_p_series(const std::array<double, 5>& ratio, double a) {
+  std::array<double, 5> v{1, 0, 0, 0, 0};  // E V^q
+  for (int k = 3 * static_cast<int>(a) + 64; k > 0; --k) {
+    std::array<double, 5> tail = v;  // E ((1 - X / a) a / k V)^q
+    for (std::size_t q = 1; q < v.size(); ++q) tail[q] *= ratio[q] * std::pow(a / k, q);
+    v[1] = 1 + tail[1];
+    v[2] = 1 + 2 * tail[1] + tail[2];
+    v[3] = 1 + 3 * tail[1] + 3 * tail[2] + tail[3];
+    v[4] = 1 + 4 * tail[1] + 6 * tail[2] + 4 * tail[3] + tail[4];
+  }
+  return v[4] / (v[2] * v[2]);
 }
 
 template <class F, class G>
@@ -45,9 +69,7 @@ void add_jittered(Problem& p, const F& f, const G& g, std::int64_t base_level,
 
 template <class F, class G, Pmf P>
 void add_u_statistics(Problem& p, const F& f, const G& g, std::int64_t points, const P& order) {
-  add(p,
-      {.name = "u_statistics",
-       .description = "symmetric products of combs about each of them (pivoted series)"},
+  add(p, {.name = "u_statistics", .description = "symmetric products of combs about each of them (pivoted series)"},
       taylor_sum(comb_mean(f, points), g, drawn_pivot, order));
 }
 
@@ -65,29 +87,39 @@ void add_fixed_pivot(Problem& p, const F& f, const G& g, std::int64_t points) {
       taylor_sum(comb_mean(f, points), g, pivot, Geometric(0.5), {.draws = 4}));
 }
 
+constexpr const char* reason_of_p_series = "the moments of the power series summed in full give";
+
+/// `kurtosis` of the samples, 0 where it is unknown.
 template <TermSequence S>
-void add_p_series_cumulative(Problem& p, const S& series, double first_term) {
+void add_p_series_cumulative(Problem& p, const S& series, double first_term, double kurtosis = 0) {
   add(p,
-      {.name = "p_series_cumulative", .description = "the power series with roulette on the running weight"},
+      {.name = "p_series_cumulative",
+       .description = "the power series with roulette on the running weight",
+       .kurtosis = kurtosis,
+       .reason = kurtosis > 0 ? reason_of_p_series : ""},
       roulette(series, RunningWeight(first_term)));
 }
 
 /// Ratio tracking, both p-series, pivoted U-statistics, and jittered points from `base_level` on.
 template <class F>
-void add_exponential_methods(Problem& p, const F& f, double majorant, const Rates& jittered,
-                             std::int64_t base_level) {
+void add_exponential_methods(Problem& p, const F& f, double majorant, const Rates& jittered, std::int64_t base_level) {
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
   const functions::ExpMinus g;
   const auto series = taylor(x, g, majorant);
+  const auto ratio = ratio_moments(f, majorant);
+  const double kurtosis = kurtosis_of_p_series(ratio, majorant);
   add(p,
       {.name = "ratio_tracking",
        .description = "one term of the power series about a majorant, drawn from its Poisson law",
-       .kurtosis = kurtosis_of_ratio_tracking(f, majorant),
+       .kurtosis = kurtosis_of_ratio_tracking(ratio, majorant),
        .reason = "E Z^q = exp(-a + a E (1 - X/a)^q) gives"},
       single_term(series, Poisson(majorant), {.base = Base::drawn}));
-  add_p_series_cumulative(p, series, std::exp(-majorant));
+  add_p_series_cumulative(p, series, std::exp(-majorant), kurtosis);
   add(p,
-      {.name = "p_series_cmf", .description = "the power series, terms to the 99 % quantile, then roulette"},
+      {.name = "p_series_cmf",
+       .description = "the power series, terms to the 99 % quantile, then roulette",
+       .kurtosis = kurtosis,
+       .reason = reason_of_p_series},
       roulette(series, IndexRoulette(majorant), {.base_level = poisson_quantile(majorant, 0.99)}));
   const BhanotKennedy order(0.9, 2, 2);
   const std::int64_t points = comb_of_u_statistics(majorant, order.mean());

@@ -16,8 +16,11 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
     Verdict v;
     v.finite_variance = true;
     v.finite_work = true;
-    v.sentence =
-        special->reason.empty() ? special->description : special->description + "; " + special->reason;
+    v.sentence = special->description;
+    if (!special->reason.empty()) v.sentence += "; " + special->reason;
+    if (special->kurtosis > 0 && std::isfinite(special->kurtosis)) {
+      v.sentence += " a kurtosis of " + rounded(special->kurtosis, 3);
+    }
     return v;
   }
   if (std::isnan(problem.rates.variance)) {  // nothing is declared
