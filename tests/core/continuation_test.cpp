@@ -127,13 +127,16 @@ Rules compare(const E& estimator, double truth, double deviation, double n, std:
     rules.fixed.add(samples.between(0, static_cast<std::int64_t>(n)), truth);
     rules.stopped.add(samples.until(error), truth);
 
-    // The run of a tighter goal contains the runs of the wider ones: its samples alone have to be drawn.
-    const auto tightened = [&](double e) {  // a short pilot, which serves a goal worst
-      return estimate(estimator, {.samples = 64 * first_stage, .seed = seed, .threads = 1, .goal = {.error = e}});
+    Plan plan{.samples = 64 * first_stage, .seed = seed, .threads = 1};  // a short pilot serves a goal worst
+    plan.goal.error = rounds[0] * error;
+    const auto tightened = [&](const Result<double>& result, double e) {
+      plan.goal.error = e;
+      return extend(estimator, result, plan);
     };
-    rules.goal.add(tightened(error), truth);
-    const auto wider = tightened(2 * error);
-    rules.peeked.add(wider.goal_met() ? wider : tightened(error), truth);
+    const auto wider = tightened(estimate(estimator, plan), rounds[1] * error);
+    const auto tight = tightened(wider, error);
+    rules.goal.add(tight, truth);
+    rules.peeked.add(wider.goal_met() ? wider : tight, truth);
 
     Moments pooled = samples.between(0, first_stage);
     for (const double round : rounds) {
