@@ -1,7 +1,7 @@
 // Tightening an estimate later: what each rule for the number of samples does to its bias and its interval.
 //
 // Every rule reads the same samples 0, 1, ... of a seed, one seed a replication. Where a number of samples
-// depends on the samples themselves, E mean - truth is about -skewness / N of a sample's standard deviation.
+// depends on the samples themselves, E mean - truth is about -skewness / N standard deviations of a sample.
 
 #include <algorithm>
 #include <cmath>
@@ -27,7 +27,7 @@ using namespace debias;
 
 namespace {
 
-constexpr std::int64_t first_stage = 64;  // as long as the pilot of a goal, so that all rules know as much
+constexpr std::int64_t first_stage = 64;  // no pilot of a goal is shorter
 constexpr double rounds[] = {4, 2, 1};    // a wish, half of it, a quarter, in units of the last
 
 const double lognormal_deviation = std::sqrt((std::exp(1.0) - 1) * std::exp(1.0));
@@ -127,7 +127,7 @@ Rules compare(const E& estimator, double truth, double deviation, double n, std:
     rules.fixed.add(samples.between(0, static_cast<std::int64_t>(n)), truth);
     rules.stopped.add(samples.until(error), truth);
 
-    Plan plan{.samples = 64 * first_stage, .seed = seed, .threads = 1};  // a short pilot serves a goal worst
+    Plan plan{.samples = 64 * first_stage, .seed = seed, .threads = 1};  // 64: the first pilot is short
     plan.goal.error = rounds[0] * error;
     const auto tightened = [&](const Result<double>& result, double e) {
       plan.goal.error = e;
