@@ -82,7 +82,7 @@ const bool registered = [] {
     Stream(1, i).fill(numbers);
     vector_math::sin(numbers);
   });
-  for (const char* spec : {"geometric:r=0.6", "zeta:s=2.5", "poisson:mean=4", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
+  for (const char* spec : {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=4", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
     const AnyPmf law = AnyPmf::parse(spec);
     time(std::string("law/") + spec, 4096, [law](std::uint64_t i) {
       static std::array<double, 4096> u;
