@@ -28,9 +28,9 @@ def start(words):
     return subprocess.Popen([program, *words, *options], stdout=out, stderr=subprocess.DEVNULL), out
 
 def answer(process, out):
-    code = process.wait()
-    out.seek(0)
-    return code, [x for x in out.read().decode().splitlines() if not re.search('"(seconds|pilot_seconds|efficiency)":', x)]
+    code, _ = process.wait(), out.seek(0)
+    times = re.compile('"(seconds|pilot_seconds|efficiency)":')
+    return code, [x for x in out.read().decode().splitlines() if not times.search(x)]
 
 def samples_of(record):
     at, total = 24, 0  # behind the number of nodes
