@@ -1,0 +1,99 @@
+"""Kills `debias run --checkpoint` at random times, resumes it until it ends, and holds the result against that of the
+uninterrupted run, bit for bit; no finished sample on disk may be lost. By hand, some minutes:
+    python3 tests/kill.py PROGRAM [KILLS=300] [RUNS=40] [SEED=1]
+"""
+
+import os
+import pathlib
+import random
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+
+program = os.path.abspath(sys.argv[1])
+kills_wanted, runs_wanted, seed = [int(x) for x in sys.argv[2:]] + [300, 40, 1][len(sys.argv) - 2:]
+rng = random.Random(seed)
+cases = [  # and about as many samples as one thread draws in a second
+    ("A03", 13e6), ("E02 --block 64", 8e4), ("D01 --estimator roulette", 25e6), ("B02 --block 256", 8e4),
+    ("C01 --estimator independent_sum", 16e6), ("F01", 5.5e6), ("A10 --estimator single_term_drawn", 13e6),
+    ("E03", 2.5e6), ("H01", 11e6), ("D11", 11e6), ("B12 --estimator independent_sum", 14e6), ("E10", 1.3e6)]
+
+def start(words):
+    out = tempfile.TemporaryFile()
+    options = ["--threads", str(rng.randint(1, 3)), "--json", "-q"]
+    return subprocess.Popen([program, *words, *options], stdout=out, stderr=subprocess.DEVNULL), out
+
+def answer(process, out):
+    code, _ = process.wait(), out.seek(0)
+    times = re.compile('"(seconds|pilot_seconds|efficiency)":')
+    return code, [x for x in out.read().decode().splitlines() if not times.search(x)]
+
+def samples_of(record):
+    at, total = 24, 0  # behind the number of nodes
+    for _ in range(struct.unpack_from("<Q", record, 16)[0]):
+        first, last = struct.unpack_from("<2q", record, at)
+        total, at = total + last - first, at + 80  # the length of the list of components
+        at += 56 + 16 * struct.unpack_from("<Q", record, at)[0]  # that of the list of levels
+        at += 8 + 40 * struct.unpack_from("<Q", record, at)[0]
+    return total
+
+def look(path):
+    """Samples of each whole record, read independently of the program, and the bytes behind the last one."""
+    data = pathlib.Path(path).read_bytes() if os.path.exists(path) else b""
+    at, records = 32 + struct.unpack_from("<Q", data.ljust(32, b"\0"), 20)[0], []
+    while len(data) - at >= 16:
+        end = at + 12 + struct.unpack_from("<Q", data, at + 4)[0]
+        if len(data) < end + 4 or zlib.crc32(data[at:end]) != struct.unpack_from("<I", data, end)[0]:
+            break
+        records.append(samples_of(data[at + 12:end]))
+        at = end + 4
+    return records, len(data) - at
+
+def state(path):
+    return [os.stat(p)[1::5] if os.path.exists(p) else None for p in (path, path + ".new")]  # inode, size
+
+def wait_to_kill(process, path):
+    """Early, somewhere, or as soon as the file or its successor changes."""
+    kind = rng.random()
+    if kind < 0.6:
+        return time.sleep(rng.uniform(0, 0.05 if kind < 0.3 else 1))
+    time.sleep(0.3 if kind < 0.85 else 0)
+    before, end = state(path), time.monotonic() + 3
+    while process.poll() is None and state(path) == before and time.monotonic() < end:
+        pass
+    time.sleep(rng.choice([0, 0, rng.uniform(0, 0.003)]))
+
+kills = runs = torn = successors = with_records = 0
+failures = []
+with tempfile.TemporaryDirectory() as folder:
+    while runs < runs_wanted or kills < kills_wanted:
+        words, rate = cases[runs % len(cases)]
+        words = ["run", *words.split(), "--seed", str(rng.randint(1, 10**6)),
+                 "--samples", str(int(rate * rng.uniform(1, 2.5)))]
+        expected, path, held, runs = answer(*start(words)), os.path.join(folder, str(runs)), 0, runs + 1
+        quota = max(kills_wanted * runs // runs_wanted, kills + 1)
+        while True:
+            inode = os.stat(path).st_ino if os.path.exists(path) else None
+            process, out = start(["resume", path] if inode else [*words, "--checkpoint", path])
+            if kills < quota:
+                wait_to_kill(process, path)
+                process.kill()
+            ended = answer(process, out)
+            records, rest = look(path)
+            first, last = (records or [0])[0], (records or [0])[-1]
+            if last < held or (inode and os.stat(path).st_ino != inode and first < held):
+                failures.append(f"lost: {words}, {held} samples on disk before, now {records}")
+            held = last
+            if ended[0] != -9:
+                break
+            kills, torn, with_records = kills + 1, torn + (rest > 0), with_records + (held > 0)
+            successors += os.path.exists(path + ".new")
+        if ended != expected or expected[0] != 0:
+            failures.append(f"another result: {words}, exit code {ended[0]} for {expected[0]}")
+print(f"seed {seed}: {kills} kills ({with_records} with records on disk, {torn} left a torn tail, {successors} an "
+      f"unfinished new file) of {runs} runs, {len(failures)} failures", *failures, sep="\n")
+sys.exit(len(failures) > 0)
