@@ -1,5 +1,6 @@
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <vector>
 
 #include "catch_shim.hpp"
@@ -12,9 +13,9 @@ using namespace debias;
 
 TEST_CASE("a batch draws the numbers of its members alone, whatever its size and position", "[core][stream][exact]") {
   const Stream sample(5, 77);
-  for (const std::size_t size : {1, 2, 3, 4, 5, 7, 8, 9, 31, 32, 33, 63, 64}) {
-    for (const std::size_t first : {1, 2, 3, 8}) {
-      for (const std::size_t then : {1, 2, 5}) {
+  for (const std::size_t size : std::initializer_list<std::size_t>{1, 2, 3, 4, 5, 7, 8, 9, 31, 32, 33, 63, 64}) {
+    for (const std::size_t first : std::initializer_list<std::size_t>{1, 2, 3, 8}) {
+      for (const std::size_t then : std::initializer_list<std::size_t>{1, 2, 5}) {
         StreamBatch batch(sample, 3, size, 12);
         std::vector<double> u(first * size);
         std::vector<double> z(then * size);

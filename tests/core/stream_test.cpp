@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <vector>
 
@@ -108,7 +109,7 @@ TEST_CASE("layout version 1: seed 1, index 0 gives these numbers for ever", "[co
 
 TEST_CASE("fill gives the numbers of as many calls, from odd and even positions", "[core][stream][exact]") {
   for (std::size_t start = 0; start < 4; ++start) {
-    for (const std::size_t length : {0, 1, 2, 3, 9, 63, 64, 65, 127, 128, 129, 300}) {
+    for (const std::size_t length : std::initializer_list<std::size_t>{0, 1, 2, 3, 9, 63, 64, 65, 127, 128, 129, 300}) {
       Stream one(3, 9);
       for (std::size_t i = 0; i < start; ++i) one.bits();
       Stream two = one;
