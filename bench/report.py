@@ -3,8 +3,8 @@
 
     python3 bench/report.py BUILD/debias_bench [--filter REGEX] [--output out/bench]
 
-writes OUTPUT.md and OUTPUT.json (default: out/bench). Without a filter it takes about ten minutes on an idle machine:
-everything but the tables that the benches print themselves (--benchmark_filter=table).
+writes OUTPUT.md and OUTPUT.json (default: out/bench): everything but the tables that the benches print themselves
+(--benchmark_filter=table). Without a filter it takes some twenty minutes on an idle machine, the slopes most of it.
 """
 import argparse
 import datetime
