@@ -1,7 +1,8 @@
-// Error against time over four decades of samples, on ten problems: slope/..., and the memory of 10^9 samples.
+// Error against samples and time over four decades, on ten problems: slope/..., and the memory of 10^9 samples.
 //
-//   slope      of log |error| over log seconds, fitted to N = 10^3 ... 10^7, one thread
-//   predicted  -1/2; for a law whose samples have tail index alpha < 2: -(1 - 1 / alpha)   [stable laws, Feller 1971]
+//   slope          of log |error| over log N, fitted to N = 10^2 ... 10^6, one thread
+//   slope_of_time  over log seconds: steeper, since a run has a fixed cost, that of `fixed_us` microseconds
+//   predicted      -1/2; for a law whose samples have tail index alpha < 2: -(1 - 1 / alpha)   [stable laws, Feller 1971]
 //
 // The error is a root mean square over seeds where the variance is finite, a median of |error| where it is not.
 
@@ -22,31 +23,7 @@
 namespace debias::bench {
 namespace {
 
-/// `alpha` is the tail index of a sample: infinity stands for a finite variance.
-void slope(benchmark::State& state, const char* id, const AnyPmf& law, double alpha) {
-  const catalog::Problem& problem = catalog::find(id);
-  const bool finite = std::isinf(alpha);
-  std::vector<double> x;
-  std::vector<double> y;
-  for (auto _ : state) {
-    std::int64_t samples = 1000;
-    for (const int seeds : {256, 256, 256, 128, 64}) {
-      std::vector<double> errors;
-      double seconds = 0;
-      double squares = 0;
-      for (int seed = 1; seed <= seeds; ++seed) {
-        const Statistics s = problem.run({.law = law, .base_level = problem.lowest_base},
-                                         {.samples = samples, .seed = static_cast<std::uint64_t>(seed), .threads = 1});
-        const double error = s.components.front().mean - problem.truth;
-        errors.push_back(std::abs(error));
-        squares += error * error / seeds;
-        seconds += s.seconds / seeds;
-      }
-      x.push_back(std::log(seconds));
-      y.push_back(std::log(finite ? std::sqrt(squares) : median(errors)));
-      samples *= 10;
-    }
-  }
+double slope_of(const std::vector<double>& x, const std::vector<double>& y) {
   double mean_x = 0;
   double mean_y = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -59,7 +36,41 @@ void slope(benchmark::State& state, const char* id, const AnyPmf& law, double al
     xx += (x[i] - mean_x) * (x[i] - mean_x);
     xy += (x[i] - mean_x) * (y[i] - mean_y);
   }
-  state.counters["slope"] = xy / xx;
+  return xy / xx;
+}
+
+/// `alpha` is the tail index of a sample: infinity stands for a finite variance.
+void slope(benchmark::State& state, const char* id, const AnyPmf& law, double alpha) {
+  const catalog::Problem& problem = catalog::find(id);
+  const bool finite = std::isinf(alpha);
+  std::vector<double> log_samples;
+  std::vector<double> x;
+  std::vector<double> y;
+  for (auto _ : state) {
+    std::int64_t samples = 100;
+    for (const int seeds : {1024, 1024, 512, 512, 192}) {
+      std::vector<double> errors;
+      double seconds = 0;
+      double squares = 0;
+      for (int seed = 1; seed <= seeds; ++seed) {
+        const Statistics s = problem.run({.law = law, .base_level = problem.lowest_base},
+                                         {.samples = samples, .seed = static_cast<std::uint64_t>(seed), .threads = 1});
+        const double error = s.components.front().mean - problem.truth;
+        errors.push_back(std::abs(error));
+        squares += error * error / seeds;
+        seconds += s.seconds / seeds;
+      }
+      log_samples.push_back(std::log(static_cast<double>(samples)));
+      x.push_back(std::log(seconds));
+      y.push_back(std::log(finite ? std::sqrt(squares) : median(errors)));
+      samples *= 10;
+    }
+  }
+  state.counters["slope"] = slope_of(log_samples, y);
+  state.counters["slope_of_time"] = slope_of(x, y);
+  // Two equations in the fixed cost and the cost of a sample, from 10^2 and 10^6 samples.
+  const double few = std::exp(x.front());
+  state.counters["fixed_us"] = 1e6 * (few - std::exp(x.back()) / 1e4) / (1 - 1e-4);
   state.counters["predicted"] = finite ? -0.5 : -(1 - 1 / alpha);
 }
 
