@@ -108,7 +108,7 @@ void memory(benchmark::State& state) {
 BENCHMARK(memory)->Name("slope/memory")->Iterations(1)->Unit(benchmark::kSecond);
 
 const bool registered = [] {
-  for (const char* id : {"A10", "A13", "B02", "C01", "D14", "E02", "F02", "H01"}) add(id);
+  for (const char* id : {"A10", "A13", "B02", "C01", "H04", "E02", "F02", "H01"}) add(id);
   // Terms q^k under tails (1 - r)^k: a sample of level k has size (q / (1 - r))^k, alpha = log(1 - r) / log((1 - r) / q).
   for (const double alpha : {1.25, 1.6}) {
     const double q = 0.5;  // D01
