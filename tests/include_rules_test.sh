@@ -15,6 +15,7 @@ may_include() {
     function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;
     taylor | taylor/*) echo "$no_runner|taylor/(terms|sum)" ;;
     functions) echo "$no_runner|power_series" ;;
+    derivative/*) echo "$no_runner|derivative" ;;
     linear_operators) echo "$no_runner|series" ;;
     sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
     nested) echo "$no_runner|function_of_mean" ;;
@@ -25,7 +26,7 @@ may_include() {
     survey | diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey|diagnostics' ;;
     recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
-    debias) echo '(core|pmf|estimators)/.*|[a-z_]*' ;;
+    debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|catalog|sde)/.*|[a-z_]*' ;;
     cli/* | render/* | mpi/* | python/*) echo '.*' ;;
     *) echo "$no_runner" ;;

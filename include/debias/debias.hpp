@@ -10,8 +10,11 @@
 #include <debias/core/result.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
+#include <debias/core/vector_math.hpp>
 #include <debias/derivative.hpp>
+#include <debias/derivative/partial.hpp>
 #include <debias/diagnostics.hpp>
 #include <debias/estimators/independent_sum.hpp>
 #include <debias/estimators/progressive.hpp>
