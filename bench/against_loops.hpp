@@ -76,6 +76,22 @@ double doubling(const X& x, const G& g, double r, Stream& order, Stream& points)
       x, g, [&g](int, double mean, double half) { return g.gap(mean, half); }, r, order, points);
 }
 
+/// The walk of Ulam and von Neumann for <(1, 0), x>, x = A x + (1, 2), A = (0.5 0.4; 0.2 0.3), with roulette.
+inline double walk(double survival, Stream& order, Stream& points) {
+  constexpr double entries[2][2] = {{0.5, 0.4}, {0.2, 0.3}};
+  constexpr double b[2] = {1, 2};
+  int at = 0;
+  double weight = 1;
+  double sum = b[0];
+  while (order.uniform() < survival) {
+    const double row = entries[at][0] + entries[at][1];
+    at = points.uniform() * row < entries[at][0] ? 0 : 1;
+    weight *= row / survival;
+    sum += weight * b[at];
+  }
+  return sum;
+}
+
 }  // namespace plain
 
 /// One stream for the order and one for the points, as ours.

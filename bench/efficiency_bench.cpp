@@ -42,32 +42,23 @@ namespace {
 
 constexpr std::int64_t block = 64;
 
-/// A plain loop: one estimate from a fresh stream, and how many of its samples an estimate is the mean of.
+/// A plain loop: one estimate from a fresh stream.
 struct Rival {
   std::string name;
-  std::function<void(std::int64_t first)> round;  // a round of round_samples samples
-  double variance;                                // of a sample
+  std::function<void()> round;  // the next round_samples samples
+  double variance;              // of a sample
 };
 
 template <class Plain>
 Rival rival(const std::string& name, const Plain& plain) {
   const auto sample = [plain](Stream& rng) { return plain(rng, rng); };  // one stream: what is fastest
-  const auto e = [sample](Stream& rng) { return sample(rng); };
-  const double variance = estimate(e, {.samples = 1 << 19}).moments.variance();
-  return {name,
-          [sample](std::int64_t first) {
-            double sum = 0;
-            double squares = 0;
-            for (std::int64_t i = first; i < first + round_samples; ++i) {
-              Stream rng(1, static_cast<std::uint64_t>(i));
-              const double z = sample(rng);
-              sum += z;
-              squares += z * z;
-            }
-            benchmark::DoNotOptimize(sum);
-            benchmark::DoNotOptimize(squares);
-          },
-          variance};
+  const double variance = estimate(sample, {.samples = 1 << 19}).moments.variance();
+  const auto round = [sample, first = std::int64_t{0}]() mutable {
+    const Loop<decltype(sample)> next{sample, first};
+    next();
+    first = next.first;
+  };
+  return {name, round, variance};
 }
 
 /// `together` is stratified, with members that run together; `apart` is the same one by one.
@@ -86,7 +77,7 @@ void contest(benchmark::State& state, const Together& together, const Apart& apa
         benchmark::DoNotOptimize(estimate(together, {.samples = blocks, .first = round * blocks, .threads = 1}).work);
       }));
       for (std::size_t i = 0; i < rivals.size(); ++i) {
-        theirs[i].push_back(seconds_of([&] { rivals[i].round(round * round_samples); }));
+        theirs[i].push_back(seconds_of(rivals[i].round));
       }
     }
   }
@@ -300,20 +291,8 @@ void neumann_functional(benchmark::State& state) {
   const auto walk = neumann_walk(matrix, Eigen::Vector2d(1, 2), Eigen::Vector2d(1, 0));
   std::vector<Rival> rivals;
   for (const double survival : {0.7, 0.8, 0.9, 0.95}) {
-    rivals.push_back(rival("walk, survival " + std::to_string(survival), [survival](Stream& order, Stream& rng) {
-      constexpr double entries[2][2] = {{0.5, 0.4}, {0.2, 0.3}};
-      constexpr double b[2] = {1, 2};
-      int at = 0;
-      double weight = 1;
-      double sum = b[0];
-      while (order.uniform() < survival) {
-        const double row = entries[at][0] + entries[at][1];
-        at = rng.uniform() * row < entries[at][0] ? 0 : 1;
-        weight *= row / survival;
-        sum += weight * b[at];
-      }
-      return sum;
-    }));
+    rivals.push_back(rival("walk, survival " + std::to_string(survival),
+                           [survival](Stream& order, Stream& rng) { return plain::walk(survival, order, rng); }));
   }
   const auto e = stratified(roulette(walk, Geometric(0.1)), block);
   contest(state, e, e, rivals);

@@ -27,6 +27,23 @@ double step(double s, double h, double dw) {
 }
 double call(double s) { return std::exp(-r) * std::max(s - 100, 0.0); }
 
+/// One draw of D_level.
+double difference(int level, Stream& rng) {
+  if (level == 0) return call(step(100, 1, rng.normal()));
+  const int n = 1 << level;
+  const double h = 1.0 / n;
+  const double root = std::sqrt(h);
+  double fine = 100;
+  double coarse = 100;
+  for (int i = 0; i < n; i += 2) {
+    const double dw1 = root * rng.normal();
+    const double dw2 = root * rng.normal();
+    fine = step(step(fine, h, dw1), h, dw2);
+    coarse = step(coarse, 2 * h, dw1 + dw2);
+  }
+  return call(fine) - call(coarse);
+}
+
 int plain_level(Stream& rng, double log_q) { return static_cast<int>(std::log(rng.uniform()) / log_q) + 1; }
 
 void plain_european() {
@@ -34,18 +51,7 @@ void plain_european() {
   const auto plain = [p = law.mass(0)](Stream& order, Stream& rng) {
     const int level = plain_level(order, std::log1p(-p));
     const double base = call(step(100, 1, rng.normal()));
-    const int n = 1 << level;
-    const double h = 1.0 / n;
-    const double root = std::sqrt(h);
-    double fine = 100;
-    double coarse = 100;
-    for (int i = 0; i < n; i += 2) {
-      const double dw1 = root * rng.normal();
-      const double dw2 = root * rng.normal();
-      fine = step(step(fine, h, dw1), h, dw2);
-      coarse = step(coarse, 2 * h, dw1 + dw2);
-    }
-    return base + (call(fine) - call(coarse)) / (p * std::pow(1 - p, level - 1));
+    return base + difference(level, rng) / (p * std::pow(1 - p, level - 1));
   };
   register_comparison("milstein/european", single_term(milstein(stock, call), law), plain);
 }
@@ -89,22 +95,6 @@ void plain_lookback() {
 }
 
 // ---- to a standard error, pilot included
-
-double difference(int level, Stream& rng) {
-  if (level == 0) return call(step(100, 1, rng.normal()));
-  const int n = 1 << level;
-  const double h = 1.0 / n;
-  const double root = std::sqrt(h);
-  double fine = 100;
-  double coarse = 100;
-  for (int i = 0; i < n; i += 2) {
-    const double dw1 = root * rng.normal();
-    const double dw2 = root * rng.normal();
-    fine = step(step(fine, h, dw1), h, dw2);
-    coarse = step(coarse, 2 * h, dw1 + dw2);
-  }
-  return call(fine) - call(coarse);
-}
 
 /// ratio of the times, steps_ratio; ours scaled to the very error that was asked for, and *_rms the true errors.
 void to_an_error(benchmark::State& state) {

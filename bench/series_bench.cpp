@@ -1,6 +1,5 @@
 // Series and walks against plain loops: plain/..., ratio of times, alternating in one run.
 
-#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -48,20 +47,7 @@ void plain_walk() {
   const Eigen::Matrix2d a{{0.5, 0.4}, {0.2, 0.3}};
   const auto walk = neumann_walk(a, Eigen::Vector2d(1, 2), Eigen::Vector2d(1, 0));
   const double survival = 0.7;
-  const auto plain = [survival](Stream& order, Stream& rng) {
-    constexpr std::array<std::array<double, 2>, 2> entries{{{0.5, 0.4}, {0.2, 0.3}}};
-    constexpr std::array<double, 2> b{1, 2};
-    std::size_t at = 0;
-    double weight = 1;
-    double sum = b[0];
-    while (order.uniform() < survival) {
-      const double row = entries[at][0] + entries[at][1];
-      at = rng.uniform() * row < entries[at][0] ? 0 : 1;
-      weight *= row / survival;
-      sum += weight * b[at];
-    }
-    return sum;
-  };
+  const auto plain = [survival](Stream& order, Stream& rng) { return plain::walk(survival, order, rng); };
   register_comparison("neumann_walk", roulette(walk, Geometric(1 - survival)), plain);
 }
 

@@ -14,6 +14,8 @@
 #include <debias/core/vector_math.hpp>
 #include <debias/pmf/any.hpp>
 
+#include "paired.hpp"
+
 namespace debias::bench {
 namespace {
 
@@ -24,12 +26,13 @@ template <class Work>
 void time(const std::string& name, double count, const Work& work) {
   benchmark::RegisterBenchmark(name.c_str(), [count, work](benchmark::State& state) {
     std::uint64_t i = 0;
-    for (auto _ : state) {
-      work(i++);
-      benchmark::ClobberMemory();
-    }
-    state.counters["ns"] = benchmark::Counter(1e-9 * count * static_cast<double>(state.iterations()),
-                                              benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+    const double seconds = seconds_of([&] {
+      for (auto _ : state) {
+        work(i++);
+        benchmark::ClobberMemory();
+      }
+    });
+    state.counters["ns"] = 1e9 * seconds / (count * static_cast<double>(state.iterations()));
     state.SetLabel(name_of(instructions()));
   });
 }
