@@ -77,6 +77,10 @@ double normal_quantile(double u) {
 
 namespace {
 
+r123::Philox2x64::ctr_type philox_block(std::uint64_t block, std::uint64_t index, std::uint64_t key) {
+  return r123::Philox2x64()({{block, index}}, {{key}});
+}
+
 #if defined(__x86_64__)
 
 // Philox2x64-10 of eight counters side by side, `chains` times over to hide latencies. AVX-512 only: four lanes of
@@ -262,14 +266,18 @@ void Stream::fill(std::span<double> uniforms) {
     uniforms = uniforms.subspan(n);
   }
 #endif
-  std::size_t i = 0;
-  for (; i + 1 < uniforms.size(); i += 2) {
-    refill();
-    uniforms[i] = to_uniform(block_[0]);
-    uniforms[i + 1] = to_uniform(block_[1]);
-    position_ += 2;
+  const std::uint64_t first = position_ / 2;
+  const std::size_t pairs = uniforms.size() / 2;
+#if defined(__clang__)
+#pragma clang loop vectorize(disable)  // into multiplications of 32 bits, at a third of the speed
+#endif
+  for (std::size_t i = 0; i < pairs; ++i) {
+    const auto block = philox_block(first + i, index_, key_);
+    uniforms[2 * i] = to_uniform(block[0]);
+    uniforms[2 * i + 1] = to_uniform(block[1]);
   }
-  if (i < uniforms.size()) uniforms[i] = uniform();
+  position_ += 2 * pairs;
+  if (uniforms.size() % 2 != 0) uniforms.back() = uniform();
 }
 
 void StreamBatch::uniforms(std::span<double> out) {
@@ -283,15 +291,17 @@ void StreamBatch::uniforms(std::span<double> out) {
     done = true;
   }
 #endif
-  if (!done) {
+  if (!done && size_ == 1) {
+    Stream rng = stream(0);
+    rng.fill(out);
+  } else if (!done) {
+    const auto skipped = static_cast<std::size_t>(position_ % 2);  // a block whose first number has been drawn
     for (std::size_t b = 0; b < size_; ++b) {
-      Stream rng(keys_[b], index_);
-      rng.seek(position_);
-      if (size_ == 1) {
-        rng.fill(out);
-        break;
+      for (std::size_t t = 0; t < rows + skipped; t += 2) {
+        const auto block = philox_block((position_ + t) / 2, index_, keys_[b]);
+        if (t >= skipped) out[(t - skipped) * size_ + b] = Stream::to_uniform(block[0]);
+        if (t + 1 - skipped < rows) out[(t + 1 - skipped) * size_ + b] = Stream::to_uniform(block[1]);
       }
-      for (std::size_t t = 0; t < rows; ++t) out[t * size_ + b] = rng.uniform();
     }
   }
   position_ += rows;
