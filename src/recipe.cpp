@@ -477,6 +477,7 @@ void describe(Advice& a) {
                   " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
                   (a.shares_base ? " of draws that share nothing" : "");
   }
+  if (a.runs_together && a.block > 1) efficiency += "; less, since members are stratified over their first number too";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments = rate_text(r) + ", the tail of the law like " +
