@@ -97,7 +97,7 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
   const auto n = static_cast<std::int64_t>(parse_count(a.shard.substr(slash + 1), "--shard, N", 1, 1 << 20));
   const auto i = static_cast<std::int64_t>(
       parse_count(a.shard.substr(0, slash), "--shard, I", 1, static_cast<std::uint64_t>(n)));
-  constexpr std::int64_t chunk = RunState::default_chunk;
+  constexpr std::int64_t chunk = default_chunk;
   const std::int64_t chunks = (samples - 1) / chunk + 1;
   const auto cut = [&](std::int64_t k) {
     return k == n ? samples : (chunks / n * k + std::min(chunks % n, k)) * chunk;

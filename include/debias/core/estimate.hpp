@@ -42,7 +42,7 @@ std::int64_t chunk_of(const E& estimator) {
   if constexpr (StatesChunk<E>) {
     return estimator.chunk();
   } else {
-    return RunState::default_chunk;
+    return default_chunk;
   }
 }
 

@@ -84,6 +84,9 @@ using estimate_value_t = decltype(draw_sample(std::declval<const E&>(), std::dec
 template <class E>
 concept Rehearses = requires(const E& e, const std::function<void()>& draws) { e.rehearse(draws); };
 
+/// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.
+inline constexpr std::int64_t default_chunk = 512;
+
 /// An estimator whose sample is made of so many draws that fewer samples make a chunk of a run: a power of two, the
 /// same for every run of the estimator.
 template <class E>

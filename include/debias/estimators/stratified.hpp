@@ -110,7 +110,7 @@ class Stratified {
   /// Samples of a chunk: about 1024 members.
   [[nodiscard]] std::int64_t chunk() const {
     const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
-    return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, 512);
+    return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, default_chunk);
   }
   /// Strata leave the mean of a member where it is.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
