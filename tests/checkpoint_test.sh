@@ -100,5 +100,42 @@ check "a shard twice" refused_by 5 "both results hold" merge part1 part1
 check "another run" refused_by 5 "of another run" merge part1 t
 check "a shard does not grow" refused_by 2 "merge the shards" resume part1 --samples 2e6
 check "too many shards" refused_by 2 "only 2 chunks" run A03 --samples 1e3 --shard 5/5 --checkpoint p
+
+# ---- the other commands
+bare() { sed -E 's/"(seconds|pilot_seconds|efficiency)": ?[^,}]*//g' "$1"; }
+# A command without a checkpoint, and the same one with one, interrupted after 0.4 s (if it runs so long) and resumed.
+interrupted_twin() {
+  name=$1
+  shift
+  "$debias" "$@" --json -q > "$name.whole" 2>/dev/null
+  [ ! -f "$name.pfm" ] || mv "$name.pfm" "$name.whole.pfm"
+  "$debias" "$@" --checkpoint "$name" --json -q > /dev/null 2>&1 &
+  pid=$!
+  sleep 0.4
+  kill -TERM $pid 2>/dev/null
+  wait $pid
+  "$debias" resume "$name" --threads 1 --json -q > "$name.resumed" 2>/dev/null
+}
+interrupted_twin v validate A01 B02 --samples 6e5
+check "validate goes on" same "$(bare v.resumed)" "$(bare v.whole)"
+check "with all its cells" same "$(lines v.resumed)" "$(lines v.whole)"
+interrupted_twin w tradeoff A10 --samples 4e5 --points 5
+check "tradeoff goes on" same "$(bare w.resumed)" "$(bare w.whole)"
+interrupted_twin c render transmittance --size 64x64 --spp 400 -o c.pfm
+check "an image of a cloud goes on" cmp c.pfm c.whole.pfm
+interrupted_twin l render photons --size 64x64 --photons 1e6 -o l.pfm
+check "an image of photons goes on" cmp l.pfm l.whole.pfm
+for byte in '\077' '\100'; do  # 64 times 1, and 64 times 4, as floats
+  for i in 1 2 3 4; do for j in 1 2 3 4; do for k in 1 2 3 4; do printf "\\000\\000\\200$byte"; done; done; done > volume$byte
+done
+mv 'volume\077' volume.raw
+"$debias" render transmittance --size 8x8 --spp 4 --volume volume.raw --dims 4x4x4 --checkpoint z -o z.pfm -q > /dev/null
+mv 'volume\100' volume.raw
+check "another volume" refused_by 5 "not the values" resume z
+check "cells do not grow" refused_by 2 "only a run" resume v --samples 1e6
+check "cells are not merged" refused_by 5 "debias validate" merge v v
+check "a command is not overwritten" refused_by 5 "debias resume v" validate A01 B02 --samples 6e5 --json -q --checkpoint v
+check "nor is another one" refused_by 5 "another command" validate A01 --checkpoint v
+check "hard cases keep nothing" refused_by 2 "leave it out" validate --hard --checkpoint h
 check "a shard without a file" refused_by 2 "write --checkpoint" run A03 --shard 1/2
 conclude

@@ -167,7 +167,8 @@ double family_threshold(std::int64_t cells) {
 }
 
 Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
-                const std::function<void(const Cell&, std::int64_t, std::int64_t)>& progress) {
+                const std::function<void(const Cell&, std::int64_t, std::int64_t)>& progress,
+                const std::function<void(const Problem&, const Choice&, Plan&)>& prepare) {
   // The family is fixed before the first number is drawn.
   std::int64_t total = 0;
   std::int64_t judged = 0;
@@ -189,7 +190,9 @@ Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
         cell.choice = choice;
         cell.reason = refusal(rates_of(*problem, choice.method));
       } else {
-        cell = run_cell(*problem, choice, plan, moments);
+        Plan of_cell = plan;
+        if (prepare) prepare(*problem, choice, of_cell);
+        cell = run_cell(*problem, choice, of_cell, moments);
       }
       cell.detectable_bias *= report.threshold + power_quantile;
       if (cell.status == Status::refused && cell.has_run) {

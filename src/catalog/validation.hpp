@@ -53,9 +53,10 @@ double believed_error(const Statistics& statistics, double truth);
 /// |z| at which one of `cells` right cells is rejected by chance once in a million validations.
 double family_threshold(std::int64_t cells);
 
-/// Runs all choices of the problems; `progress` sees each cell as it ends, of how many.
+/// Runs all choices of the problems; `progress` sees each cell as it ends, of how many, and `prepare` its plan before.
 /// plan.progress may interrupt (Interrupted).
 Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
-                const std::function<void(const Cell&, std::int64_t done, std::int64_t total)>& progress = {});
+                const std::function<void(const Cell&, std::int64_t done, std::int64_t total)>& progress = {},
+                const std::function<void(const Problem&, const Choice&, Plan&)>& prepare = {});
 
 }  // namespace debias::catalog

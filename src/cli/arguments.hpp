@@ -55,6 +55,7 @@ struct Arguments {
   bool hard = false;
   bool allow_infinite_mean = false;
   bool quiet = false;
+  const struct Loaded* resumed = nullptr;  ///< not typed: what `resume` has read from `checkpoint`
 };
 
 // All of these throw std::invalid_argument that names the argument, what is wrong with it and a near miss.

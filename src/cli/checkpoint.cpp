@@ -1,4 +1,5 @@
-// run --checkpoint, resume and merge: the same run as ever, with its finished chunks on disk.
+// run --checkpoint, resume and merge: the same run as ever, with its finished chunks on disk; resume also calls the
+// other commands that keep their parts.
 
 #include <sys/stat.h>
 
@@ -18,72 +19,36 @@
 #include "../core/text.hpp"
 #include "commands.hpp"
 #include "output.hpp"
+#include "session.hpp"
 
 namespace debias::cli {
 namespace {
 
-constexpr std::array<std::pair<const char*, std::string Arguments::*>, 11> words = {{
-    {"problem", &Arguments::problem},
-    {"estimator", &Arguments::estimator},
-    {"law", &Arguments::law},
-    {"base_level", &Arguments::base_level},
-    {"block", &Arguments::block},
-    {"seed", &Arguments::seed},
-    {"samples", &Arguments::samples},
-    {"error", &Arguments::error},
-    {"relative_error", &Arguments::relative_error},
-    {"time", &Arguments::time},
-    {"confidence", &Arguments::confidence},
-}};
+const std::string part = "run";
 
-std::string text_of(const Arguments& a) {
-  std::string text = std::string("version=") + DEBIAS_VERSION + "\n";
-  for (const auto& [name, member] : words) text += std::string(name) + "=" + a.*member + "\n";
-  return text + "shard=" + a.shard + "\n";
-}
+Parts parts_of(const RunState& state) { return {{part, encode(state)}}; }
 
-// The words of a file; throws std::invalid_argument where they are not those of text_of.
-Arguments arguments_of(const std::string& text) {
-  Arguments a;
-  std::vector<std::string> lines;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    lines.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  const auto value = [&](std::size_t i, const std::string& name) {
-    if (i < lines.size() && lines[i].compare(0, name.size() + 1, name + "=") == 0) return lines[i].substr(name.size() + 1);
-    throw std::invalid_argument("no checkpoint of `debias run`: no " + name);
-  };
-  const std::string version = value(0, "version");
-  if (version != DEBIAS_VERSION) {
-    throw std::invalid_argument("written by debias " + version + ", this is " DEBIAS_VERSION +
-                                " (another version may draw other samples)");
-  }
-  for (std::size_t i = 0; i < words.size(); ++i) a.*words[i].second = value(i + 1, words[i].first);
-  a.shard = value(words.size() + 1, "shard");
-  return a;
-}
-
-struct Loaded {
+struct LoadedRun {
   Arguments arguments;
   std::optional<RunState> state;
 };
 
-Loaded load(const std::string& path) {
+LoadedRun run_in(const std::string& path, Loaded file) {
+  if (file.command != "run") {
+    throw FileError("'" + path + "': of `debias " + file.command + "`; only the shards of a run can be merged");
+  }
+  LoadedRun run{std::move(file.arguments), std::nullopt};
+  const auto contents = file.parts.find(part);
+  if (contents == file.parts.end()) return run;
   try {
-    Checkpoint file = read_checkpoint(path);
-    if (file.dropped > 0) {
-      complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
-               " bytes are no whole record and are left out");
-    }
-    return {arguments_of(file.text), std::move(file.state)};
+    run.state = decode(contents->second);
   } catch (const std::invalid_argument& e) {
     throw FileError("'" + path + "': " + e.what());
-  } catch (const std::system_error& e) {
-    throw FileError(e.what());
   }
+  return run;
 }
+
+std::string text_of(const Arguments& a) { return text_of(part, a); }
 
 bool has_goal(const Arguments& a) { return a.error != "none" || a.relative_error != "none" || a.time != "none"; }
 
@@ -125,7 +90,7 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
     asked.samples = "auto";
   }
   std::optional<CheckpointWriter> writer;
-  if (!path.empty()) writer.emplace(path, text_of(words_of_run), earlier ? &*earlier : nullptr);
+  if (!path.empty()) writer.emplace(path, text_of(words_of_run), earlier ? parts_of(*earlier) : Parts());
   const auto prepare = [&](Plan& plan) {
     if (earlier) {
       plan.earlier = std::make_shared<RunState>(*earlier);
@@ -138,9 +103,9 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
     }
     if (!writer) return;
     plan.save = [&, named = !pilot](const RunState& state, const Plan& now) mutable {
-      if (named) return writer->save(state);
+      if (named) return writer->save(parts_of(state));
       words_of_run.samples = std::to_string(now.samples);
-      writer.emplace(path, text_of(words_of_run), &state);
+      writer.emplace(path, text_of(words_of_run), parts_of(state));
       named = true;
     };
   };
@@ -176,6 +141,7 @@ int run_with_checkpoint(const Arguments& arguments) {
   const catalog::Choice choice = read_choice(arguments, problem);
   const Plan plan = read_plan(arguments);
   Arguments w = arguments;
+  w.output.clear();
   w.problem = problem.id;
   w.estimator = std::string(name_of(choice));
   if (!law_text(choice).empty()) w.law = law_text(choice);
@@ -185,7 +151,8 @@ int run_with_checkpoint(const Arguments& arguments) {
   range_of(w, plan.samples);
   struct stat status = {};
   if (stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode)) {
-    const std::string there = text_of(load(path).arguments);
+    const Loaded file = load(path);
+    const std::string there = text_of(file.command, file.arguments);
     throw FileError("--checkpoint '" + path + "': " +
                     (there == text_of(w) ? "holds this run already; go on with `debias resume " + path + "`"
                                          : "holds another run; choose another name"));
@@ -197,8 +164,44 @@ int run_with_checkpoint(const Arguments& arguments) {
   }
 }
 
+namespace {
+
+struct Kept {
+  const char* name;
+  int (*execute)(const Arguments&);
+};
+constexpr std::array<Kept, 4> commands = {{{"validate", validate},
+                                           {"tradeoff", tradeoff},
+                                           {"render transmittance", render_transmittance},
+                                           {"render photons", render_photons}}};
+
+// A command whose parts are as long as its words say.
+int resume_parts(const Loaded& file, const Arguments& arguments) {
+  if (has_goal(arguments) || arguments.samples != "auto") {
+    throw std::invalid_argument("resume: (only a run can be made longer, '" + arguments.file + "' is of `debias " +
+                                file.command + "`); leave the wish out");
+  }
+  for (const Kept& command : commands) {
+    if (file.command != command.name) continue;
+    Arguments a = file.arguments;
+    a.checkpoint = arguments.file;
+    a.resumed = &file;
+    a.threads = arguments.threads;
+    a.json = arguments.json;
+    if (a.json) a.csv = false;
+    a.quiet = arguments.quiet;
+    if (!arguments.output.empty()) a.output = arguments.output;
+    return command.execute(a);
+  }
+  throw FileError("'" + arguments.file + "': no command '" + file.command + "'");
+}
+
+}  // namespace
+
 int resume(const Arguments& arguments) {
-  Loaded file = load(arguments.file);
+  Loaded loaded = load(arguments.file);
+  if (loaded.command != part) return resume_parts(loaded, arguments);
+  LoadedRun file = run_in(arguments.file, std::move(loaded));
   Arguments w = file.arguments;
   const bool new_goal = has_goal(arguments);
   const bool new_samples = arguments.samples != "auto";
@@ -238,22 +241,22 @@ int merge(const Arguments& arguments) {
   Arguments w;
   std::string text;
   for (const std::string& path : arguments.problems) {
-    Loaded part = load(path);
-    part.arguments.shard.clear();
+    LoadedRun shard = run_in(path, load(path));
+    shard.arguments.shard.clear();
     if (text.empty()) {
-      w = part.arguments;
+      w = shard.arguments;
       text = text_of(w);
-    } else if (text != text_of(part.arguments)) {
+    } else if (text != text_of(shard.arguments)) {
       throw FileError("'" + path + "': of another run than '" + arguments.problems.front() + "': " +
                       "problem, options, seed and samples must be the same");
     }
-    if (!part.state) continue;
+    if (!shard.state) continue;
     if (!whole) {
-      whole = std::move(part.state);
+      whole = std::move(shard.state);
       continue;
     }
     try {
-      whole->merge(*part.state);
+      whole->merge(*shard.state);
     } catch (const std::invalid_argument& e) {
       throw FileError("'" + path + "': " + e.what());
     }

@@ -34,6 +34,9 @@ Row row_of(const catalog::HardCell& cell) {
 }  // namespace
 
 int validate_hard(const Arguments& arguments) {
+  if (!arguments.checkpoint.empty()) {
+    throw std::invalid_argument("--checkpoint: (the hard cases take seconds, and keep nothing); leave it out");
+  }
   if (!arguments.problems.empty()) {
     throw std::invalid_argument("--hard ('" + arguments.problems.front() + "' is a problem of its own); leave one out");
   }

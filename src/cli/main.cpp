@@ -72,6 +72,12 @@ void add_goal(CLI::App& app, Arguments& a) {
   app.add_option("--time", a.time, "As many samples as this time takes, 10s")->type_name("T");
 }
 
+void add_checkpoint(CLI::App& app, Arguments& a) {
+  app.add_option("--checkpoint", a.checkpoint,
+                 "Write what is finished to this file, about once a second, for `debias resume`")
+      ->type_name("FILE");
+}
+
 void add_output(CLI::App& app, Arguments& a) {
   const auto is_file_name = [](const std::string& path) -> std::string {
     if (!path.empty() && path[0] != '-') return "";
@@ -162,19 +168,17 @@ int dispatch(int argc, char** argv) {
   add_plan(run_app, commands[1].arguments);
   add_goal(run_app, commands[1].arguments);
   run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
-  run_app.add_option("--checkpoint", commands[1].arguments.checkpoint,
-                     "Write what is finished to this file, about once a second, for `debias resume`")
-      ->type_name("FILE");
+  add_checkpoint(run_app, commands[1].arguments);
   run_app.add_option("--shard", commands[1].arguments.shard,
                      "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint")
       ->type_name("I/N");
   add_output(run_app, commands[1].arguments);
 
-  CLI::App& resume_app = add(9, "resume", resume, "Go on with a run from its checkpoint, or tighten it",
+  CLI::App& resume_app = add(9, "resume", resume, "Go on from a checkpoint, or tighten a run",
                              "  debias resume run.checkpoint\n"
                              "  debias resume run.checkpoint --error 1e-5");
   Arguments& resumed = commands[9].arguments;
-  resume_app.add_option("FILE", resumed.file, "What `debias run --checkpoint FILE` wrote")->required();
+  resume_app.add_option("FILE", resumed.file, "What --checkpoint FILE wrote")->required();
   resume_app.add_option("--samples", resumed.samples, "Samples in all, those of the file included")->type_name("N");
   add_goal(resume_app, resumed);
   resume_app.add_option("--threads", resumed.threads, "0 takes all cores; the result does not depend on it")
@@ -209,6 +213,7 @@ int dispatch(int argc, char** argv) {
   validate_app.add_flag("--hard", commands[3].arguments.hard,
                         "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
   add_plan(validate_app, commands[3].arguments);
+  add_checkpoint(validate_app, commands[3].arguments);
   add_output(validate_app, commands[3].arguments);
 
   CLI::App& survey_app = add(4, "survey", debias::cli::survey,
@@ -240,6 +245,7 @@ int dispatch(int argc, char** argv) {
   tradeoff_app.add_option("--block", swept.block, "Members of a block of systematic strata")->type_name("N");
   tradeoff_app.add_flag("--csv", swept.csv, "Comma-separated values instead of a text");
   add_plan(tradeoff_app, swept);
+  add_checkpoint(tradeoff_app, swept);
   add_output(tradeoff_app, swept);
 
   CLI::App& diagnose_app =
@@ -264,6 +270,7 @@ int dispatch(int argc, char** argv) {
     scene.add_flag("--compare", a.compare, "All estimators and the reference, into the folder -o; see README for the sheet");
     scene.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
     scene.add_option("--threads", a.threads, "0 takes all cores; the image does not depend on it")->type_name("T");
+    add_checkpoint(scene, a);
     add_output(scene, a);
     scene.get_option("--output")->required();
   };

@@ -19,6 +19,7 @@
 #include "commands.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "session.hpp"
 
 namespace debias::cli {
 namespace {
@@ -158,10 +159,37 @@ std::vector<const Method*> chosen(const Arguments& arguments, std::span<const Me
   return methods;
 }
 
-render::Cloud read_cloud(const Arguments& arguments) {
+// Under the name of a part; a part that is held is taken up.
+render::Saving saving_in(Session& session, const std::string& part) {
+  render::Saving saving;
+  if (const Bytes* contents = session.held(part)) saving.earlier = *contents;
+  saving.save = [&session, part](const std::function<Bytes()>& sums, bool last) {
+    if (last || session.due()) session.keep(part, sums());
+  };
+  return saving;
+}
+
+// A number that an earlier run has found out, or this one.
+std::uint64_t kept_number(Session& session, const std::string& part, const std::function<std::uint64_t()>& find_out) {
+  std::uint64_t number = 0;
+  if (const Bytes* contents = session.held(part)) {
+    ByteReader(*contents).number(number);
+    return number;
+  }
+  number = find_out();
+  ByteWriter w;
+  w.number(number);
+  session.keep(part, std::move(w.bytes));
+  return number;
+}
+
+void suspend_or_flush(Session& session) { interrupted() ? session.suspend() : session.flush(); }
+
+// The cloud, and a checksum of its volume.
+std::pair<render::Cloud, std::uint64_t> read_cloud(const Arguments& arguments) {
   const double density = read_positive(arguments.density, "--density");
   if (arguments.volume.empty()) {
-    if (arguments.dimensions.empty()) return render::Cloud(density);
+    if (arguments.dimensions.empty()) return {render::Cloud(density), 0};
     throw std::invalid_argument("--dims = '" + arguments.dimensions + "' (of no volume); add --volume FILE");
   }
   if (arguments.dimensions.empty()) {
@@ -182,19 +210,26 @@ render::Cloud read_cloud(const Arguments& arguments) {
   std::vector<float> grid(bytes / sizeof(float));
   if (!file.read(reinterpret_cast<char*>(grid.data()), static_cast<std::streamsize>(bytes)))
     throw FileError("--volume '" + arguments.volume + "': cannot be read");
-  return render::Cloud(std::move(grid), size, density);
+  const std::uint64_t sum = crc32(std::as_bytes(std::span(grid)));
+  return {render::Cloud(std::move(grid), size, density), sum};
 }
 
 }  // namespace
 
 int render_transmittance(const Arguments& arguments) {
-  const render::Cloud cloud = read_cloud(arguments);
+  const auto [cloud, checksum] = read_cloud(arguments);
   render::RenderPlan plan;
   read_common(arguments, plan);
   plan.samples = static_cast<std::int64_t>(parse_count(arguments.spp, "--spp", 1, 1'000'000'000));
   double equal_time = arguments.equal_time == "none" ? 0 : read_seconds(arguments.equal_time, "--equal-time");
   if (arguments.compare && equal_time == 0) equal_time = 4;
   const auto methods = chosen(arguments, render::transmittance_methods(), "telescoping_2");
+  Arguments words = arguments;
+  words.seed = std::to_string(plan.seed);
+  Session session("render transmittance", words);
+  if (!arguments.volume.empty() && kept_number(session, "volume", [&, sum = checksum] { return sum; }) != checksum) {
+    throw FileError("--volume '" + arguments.volume + "': not the values that the image was begun with");
+  }
   Target target(arguments, arguments.compare);
 
   Pictures all{"transmittance", "lookups", plan.width, plan.height, plan.seed, true, {}};
@@ -215,7 +250,12 @@ int render_transmittance(const Arguments& arguments) {
     if (interrupted()) break;
     name = method->name;
     progress.emplace(arguments.quiet);
-    if (equal_time > 0) plan.samples = samples_for(equal_time, cloud, *method, plan);
+    if (equal_time > 0) {
+      plan.samples = static_cast<std::int64_t>(kept_number(session, "samples " + name, [&] {
+        return static_cast<std::uint64_t>(samples_for(equal_time, cloud, *method, plan));
+      }));
+    }
+    plan.saving = saving_in(session, name);
     progress.emplace(arguments.quiet);
     const render::Rendering r = render::render(cloud, *method, plan);
     const render::Image image = transmittance_of(r, plan);
@@ -225,6 +265,7 @@ int render_transmittance(const Arguments& arguments) {
          reference ? relative_error(image, *reference) : std::numeric_limits<double>::quiet_NaN(), ""});
   }
   progress.reset();
+  suspend_or_flush(session);
   all.complete = !interrupted();
   if (arguments.compare) target.write(all);
   return report(arguments, all);
@@ -250,6 +291,9 @@ int render_photons(const Arguments& arguments) {
     }
     std::erase_if(methods, [](const render::PhotonMethod* m) { return m->infinite_mean; });
   }
+  Arguments words = arguments;
+  words.seed = std::to_string(plan.seed);
+  Session session("render photons", words);
   Target target(arguments, arguments.compare);
 
   Pictures all{"photons, " + arguments.scene, "photons", plan.width, plan.height, plan.seed, true, {}};
@@ -271,6 +315,7 @@ int render_photons(const Arguments& arguments) {
     for (double share = arguments.compare ? 1.0 / 64 : 1; share <= 1 && !interrupted(); share *= 4) {
       render::PhotonPlan part = plan;
       part.photons = std::ceil(share * plan.photons);
+      part.saving = saving_in(session, name + " " + to_text(part.photons));
       const render::PhotonRendering r = render::render(*method, part);
       const double error = reference ? relative_error(r.image, *reference) : std::numeric_limits<double>::quiet_NaN();
       if (r.complete) {
@@ -283,6 +328,7 @@ int render_photons(const Arguments& arguments) {
     }
   }
   progress.reset();
+  suspend_or_flush(session);
   all.complete = !interrupted();
   if (arguments.compare) {
     target.write_text("curves.csv", curves);

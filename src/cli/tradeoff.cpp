@@ -19,6 +19,7 @@
 #include "commands.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "session.hpp"
 
 namespace debias::cli {
 namespace {
@@ -111,7 +112,8 @@ void print_csv(std::ostream& out, const Tradeoff& t) {
 
 }  // namespace
 
-Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
+Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                     const std::function<void(const AnyPmf& law, Plan&)>& prepare) {
   const Family& family = family_of(arguments.family);
   const std::int64_t count = read_points(arguments.points);
   const catalog::Choice shape = read_shape(arguments, problem);
@@ -154,6 +156,7 @@ Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments
         choice.law = point.law;
         Plan run = plan;
         run.samples = std::max<std::int64_t>(2, plan.samples / shape.block);
+        if (prepare) prepare(point.law, run);
         measure(point, choice, run, problem);
       }
       t.points.push_back(std::move(point));
@@ -206,10 +209,23 @@ void print(std::ostream& out, const Tradeoff& t) {
 
 int tradeoff(const Arguments& arguments) {
   if (arguments.json && arguments.csv) throw std::invalid_argument("--json, --csv: both (keep one)");
+  const catalog::Problem& problem = catalog::find(arguments.problem);
+  Arguments words = arguments;
+  words.problem = problem.id;
+  words.seed = std::to_string(read_plan(arguments).seed);
+  Session session("tradeoff", words);
   Output out(arguments.output);
   Progress progress(arguments.quiet);
-  const Tradeoff t = tradeoff_of(catalog::find(arguments.problem), arguments, watch_on(progress));
+  const auto prepare = [&](const AnyPmf& law, Plan& plan) { session.attach(plan, law.spec()); };
+  Tradeoff t;
+  try {
+    t = tradeoff_of(problem, words, watch_on(progress), prepare);
+  } catch (const Interrupted&) {
+    session.suspend();
+    throw;
+  }
   progress.erase();
+  interrupted() ? session.suspend() : session.flush();
   if (arguments.json) {
     out.stream() << tradeoff_json(t) << '\n';
   } else if (arguments.csv) {

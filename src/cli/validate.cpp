@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "session.hpp"
 
 namespace debias::cli {
 namespace {
@@ -66,6 +67,9 @@ int validate(const Arguments& arguments) {
     for (const catalog::Problem& p : catalog::problems()) problems.push_back(&p);
   }
   Plan plan = read_validation_plan(arguments);
+  Arguments words = arguments;
+  words.seed = std::to_string(plan.seed);
+  Session session("validate", words);
   Output out(arguments.output);
 
   // Rows appear as cells end, so the widths are fixed beforehand.
@@ -104,8 +108,18 @@ int validate(const Arguments& arguments) {
     }
     out.flush();
   };
-  const Validation result{catalog::validate(problems, plan, show), plan.samples, plan.seed,
-                          progress.seconds()};
+  const auto prepare = [&](const catalog::Problem& p, const catalog::Choice& c, Plan& cell) {
+    session.attach(cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + law_text(c));
+  };
+  Validation result{{}, plan.samples, plan.seed, 0};
+  try {
+    result.report = catalog::validate(problems, plan, show, prepare);
+  } catch (const Interrupted&) {
+    session.suspend();
+    throw;
+  }
+  session.flush();
+  result.seconds = progress.seconds();
 
   if (arguments.json) {
     out.stream() << summary_json(result) << '\n';

@@ -9,81 +9,21 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
-#include <type_traits>
 #include <utility>
-
-#include <boost/crc.hpp>
 
 #include <debias/core/stream.hpp>
 
 namespace debias {
 namespace {
 
-using Bytes = std::vector<std::byte>;
-
 constexpr std::string_view magic = "DEBIASCP";
-constexpr std::uint32_t format_version = 1;
+constexpr std::uint32_t format_version = 2;
 constexpr std::uint32_t byte_order = 0x01020304;
 constexpr std::uint32_t record_mark = 0x44434552;  // "RECD"
-
-std::uint32_t crc(std::span<const std::byte> bytes) {
-  boost::crc_32_type sum;
-  sum.process_bytes(bytes.data(), bytes.size());
-  return sum.checksum();
-}
-
-class Writer {
- public:
-  static constexpr bool reads = false;
-  template <class T>
-  void number(const T& x) {
-    static_assert(std::is_arithmetic_v<T>);
-    if constexpr (std::is_same_v<T, double>) {
-      number(std::bit_cast<std::uint64_t>(x));
-    } else {
-      for (std::size_t i = 0; i < sizeof(T); ++i) {
-        bytes.push_back(static_cast<std::byte>(static_cast<std::uint64_t>(x) >> (8 * i) & 0xff));
-      }
-    }
-  }
-  void close() { number(crc(bytes)); }
-
-  Bytes bytes;
-};
-
-class Reader {
- public:
-  static constexpr bool reads = true;
-  explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
-  template <class T>
-  void number(T& x) {
-    static_assert(std::is_arithmetic_v<T>);
-    if constexpr (std::is_same_v<T, double>) {
-      std::uint64_t bits = 0;
-      number(bits);
-      x = std::bit_cast<double>(bits);
-    } else {
-      const auto raw = take(sizeof(T));
-      std::uint64_t bits = 0;
-      for (std::size_t i = 0; i < sizeof(T); ++i) bits |= std::to_integer<std::uint64_t>(raw[i]) << (8 * i);
-      x = static_cast<T>(bits);
-    }
-  }
-  std::span<const std::byte> take(std::uint64_t n) {
-    if (n > left()) throw std::invalid_argument("it ends too early");
-    const auto taken = bytes_.subspan(position_, static_cast<std::size_t>(n));
-    position_ += taken.size();
-    return taken;
-  }
-  [[nodiscard]] std::size_t left() const { return bytes_.size() - position_; }
-  [[nodiscard]] std::size_t position() const { return position_; }
-
- private:
-  std::span<const std::byte> bytes_;
-  std::size_t position_ = 0;
-};
 
 void demand(bool holds) {
   if (!holds) throw std::invalid_argument("its sums contradict each other");
@@ -209,30 +149,28 @@ struct detail::Codec {
 namespace {
 
 Bytes header_of(const std::string& text) {
-  Writer w;
+  ByteWriter w;
   for (const char c : magic) w.number(static_cast<unsigned char>(c));
   w.number(format_version);
   w.number(byte_order);
   w.number(static_cast<std::uint32_t>(Stream::layout_version));
-  w.number(static_cast<std::uint64_t>(text.size()));
-  for (const char c : text) w.number(static_cast<unsigned char>(c));
-  w.close();
+  w.text(text);
+  w.number(crc32(w.bytes));
   return std::move(w.bytes);
 }
 
-Bytes record_of(RunState state) {
-  Writer payload;
-  detail::Codec::code(payload, state);
-  Writer w;
+Bytes record_of(const std::string& name, std::span<const std::byte> contents) {
+  ByteWriter w;
   w.number(record_mark);
-  w.number(static_cast<std::uint64_t>(payload.bytes.size()));
-  w.bytes.insert(w.bytes.end(), payload.bytes.begin(), payload.bytes.end());
-  w.close();
+  w.number(static_cast<std::uint64_t>(8 + name.size() + contents.size()));
+  w.text(name);
+  w.bytes.insert(w.bytes.end(), contents.begin(), contents.end());
+  w.number(crc32(w.bytes));
   return std::move(w.bytes);
 }
 
 // The payload of the record at the front, if it is whole.
-std::optional<std::span<const std::byte>> next_record(Reader& r, std::span<const std::byte> bytes) {
+std::optional<std::span<const std::byte>> next_record(ByteReader& r, std::span<const std::byte> bytes) {
   const std::size_t start = r.position();
   std::uint32_t mark = 0;
   std::uint64_t size = 0;
@@ -241,7 +179,7 @@ std::optional<std::span<const std::byte>> next_record(Reader& r, std::span<const
   r.number(size);
   if (mark != record_mark || r.left() < 4 || size > r.left() - 4) return std::nullopt;
   const auto payload = r.take(size);
-  const std::uint32_t expected = crc(bytes.subspan(start, r.position() - start));
+  const std::uint32_t expected = crc32(bytes.subspan(start, r.position() - start));
   std::uint32_t stated = 0;
   r.number(stated);
   if (stated != expected) return std::nullopt;
@@ -297,7 +235,7 @@ class File {
 
 Checkpoint parse_checkpoint(std::span<const std::byte> bytes) {
   Checkpoint result;
-  Reader r(bytes);
+  ByteReader r(bytes);
   const auto refuse = [](const std::string& why) { throw std::invalid_argument("no checkpoint: " + why); };
   try {
     const auto name = r.take(magic.size());
@@ -305,15 +243,13 @@ Checkpoint parse_checkpoint(std::span<const std::byte> bytes) {
     std::uint32_t format = 0;
     std::uint32_t order = 0;
     std::uint32_t layout = 0;
-    std::uint64_t size = 0;
     r.number(format);
     r.number(order);
     r.number(layout);
     if (order != byte_order) refuse("its byte order is not little endian");
-    if (format != format_version) refuse("its format is version " + std::to_string(format) + ", not 1");
-    r.number(size);
-    for (const std::byte c : r.take(size)) result.text += static_cast<char>(c);
-    const std::uint32_t expected = crc(bytes.first(r.position()));
+    if (format != format_version) refuse("its format is version " + std::to_string(format) + ", not " + std::to_string(format_version));
+    r.text(result.text);
+    const std::uint32_t expected = crc32(bytes.first(r.position()));
     std::uint32_t stated = 0;
     r.number(stated);
     if (stated != expected) refuse("the checksum of its header is wrong");
@@ -326,41 +262,57 @@ Checkpoint parse_checkpoint(std::span<const std::byte> bytes) {
     refuse(e.what());
   }
   std::size_t whole = r.position();
-  std::optional<std::span<const std::byte>> last;
+  std::map<std::string, std::span<const std::byte>> last;
   while (const auto payload = next_record(r, bytes)) {
-    last = payload;
+    ByteReader part(*payload);
+    std::string name;
+    try {
+      part.text(name);
+    } catch (const std::invalid_argument& e) {
+      refuse(e.what());
+    }
+    last[name] = payload->subspan(part.position());
     whole = r.position();
   }
   result.dropped = bytes.size() - whole;
-  if (!last) return result;
-  try {
-    Reader sums(*last);
-    RunState state;
-    detail::Codec::code(sums, state);
-    demand(sums.left() == 0);
-    result.state = std::move(state);
-  } catch (const std::invalid_argument& e) {
-    refuse(e.what());
-  }
+  for (const auto& [name, contents] : last) result.parts[name].assign(contents.begin(), contents.end());
   return result;
+}
+
+Bytes encode(RunState state) {
+  ByteWriter w;
+  detail::Codec::code(w, state);
+  return std::move(w.bytes);
+}
+
+RunState decode(std::span<const std::byte> bytes) {
+  ByteReader r(bytes);
+  RunState state;
+  try {
+    detail::Codec::code(r, state);
+    demand(r.left() == 0);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(std::string("no checkpoint: ") + e.what());
+  }
+  return state;
 }
 
 Checkpoint read_checkpoint(const std::string& path) { return parse_checkpoint(File(path, O_RDONLY).read_all()); }
 
-CheckpointWriter::CheckpointWriter(std::string path, std::string text, const RunState* state)
-    : path_(std::move(path)), text_(std::move(text)) {
-  write_whole(state);
+CheckpointWriter::CheckpointWriter(std::string path, std::string text, Parts parts)
+    : path_(std::move(path)), text_(std::move(text)), parts_(std::move(parts)) {
+  write_whole();
 }
 
-void CheckpointWriter::write_whole(const RunState* state) {
+void CheckpointWriter::write_whole() {
   struct stat status = {};
   if (stat(path_.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {  // never put a file in place of a device
     errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
     fail(path_);
   }
   Bytes bytes = header_of(text_);
-  if (state != nullptr) {
-    const Bytes record = record_of(*state);
+  for (const auto& [name, contents] : parts_) {
+    const Bytes record = record_of(name, contents);
     bytes.insert(bytes.end(), record.begin(), record.end());
   }
   const std::string temporary = path_ + ".new";
@@ -368,13 +320,19 @@ void CheckpointWriter::write_whole(const RunState* state) {
   if (rename(temporary.c_str(), path_.c_str()) != 0) fail(path_);
   const std::size_t slash = path_.rfind('/');
   File(slash == std::string::npos ? "." : path_.substr(0, slash + 1), O_RDONLY | O_DIRECTORY).sync();
-  records_ = state != nullptr ? 1 : 0;
+  least_size_ = size_ = bytes.size();
 }
 
-void CheckpointWriter::save(const RunState& state) {
-  if (records_ >= most_records) return write_whole(&state);
-  File(path_, O_WRONLY | O_APPEND).write_all(record_of(state));
-  ++records_;
+void CheckpointWriter::save(const Parts& parts) {
+  Bytes bytes;
+  for (const auto& [name, contents] : parts) {
+    parts_[name] = contents;
+    const Bytes record = record_of(name, contents);
+    bytes.insert(bytes.end(), record.begin(), record.end());
+  }
+  if (size_ + bytes.size() > 4 * least_size_ + most_waste) return write_whole();
+  File(path_, O_WRONLY | O_APPEND).write_all(bytes);
+  size_ += bytes.size();
 }
 
 }  // namespace debias

@@ -210,6 +210,13 @@ void add_pass(const PhotonMethod& method, const PhotonPlan& plan, const Stream& 
   }
 }
 
+// A share of the passes, with sums of its own.
+struct Group {
+  std::vector<double> sums;
+  std::int64_t passes = 0;
+  double photons = 0;
+};
+
 }  // namespace
 
 std::span<const PhotonMethod> photon_methods() { return methods; }
@@ -229,13 +236,24 @@ PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan) {
   const auto in_group = std::max<std::int64_t>(1, static_cast<std::int64_t>(passes) / groups);
   // Slices over all groups, so that what an interrupt leaves is an image.
   const auto slices = static_cast<int>(std::clamp(plan.photons / 0x1p18, 1.0, 0x1p30));
-  struct Group {
-    std::vector<double> sums;
-    std::int64_t passes = 0;
-    double photons = 0;
-  };
   std::vector<Group> all(groups);
   for (Group& g : all) g.sums.resize(r.image.values.size());
+  const auto layout = [&](auto& io, std::vector<Group>& state) {
+    io.number(r.seconds);
+    for (Group& g : state) {
+      io.number(g.passes);
+      io.number(g.photons);
+      for (double& x : g.sums) io.number(x);
+    }
+  };
+  plan.saving.take_up(all, layout);
+  for (const Group& g : all) {
+    if (g.passes < 0 || g.passes > in_group) throw std::invalid_argument("no checkpoint: the sums are of another image");
+  }
+  const double earlier_seconds = r.seconds;
+  const auto seconds_now = [&] {
+    return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   for (int slice = 0; slice < slices && r.complete; ++slice) {
     const auto body = [&](int g) {
       Group& group = all[static_cast<std::size_t>(g)];
@@ -252,6 +270,8 @@ PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan) {
       if (plan.progress && !plan.progress(share)) r.complete = false;
       return r.complete;
     });
+    r.seconds = seconds_now();
+    plan.saving.keep(all, layout, slice == slices - 1 || !r.complete);
   }
   for (const Group& g : all) {
     r.passes += g.passes;
@@ -271,7 +291,7 @@ PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan) {
       r.image.values[i] = static_cast<float>(total / static_cast<double>(r.passes));
     }
   }
-  r.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  r.seconds = seconds_now();
   return r;
 }
 

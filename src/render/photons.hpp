@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "image.hpp"
+#include "saving.hpp"
 
 namespace debias::render {
 
@@ -33,6 +34,7 @@ struct PhotonPlan {
   int threads = 0;
   /// Called now and then with the share that is done; false stops.
   std::function<bool(double)> progress;
+  Saving saving;
 };
 
 struct PhotonRendering {

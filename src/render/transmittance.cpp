@@ -79,6 +79,16 @@ constexpr TransmittanceMethod methods[] = {
     {"telescoping_4", "telescoping ray marching from combs of 16 points", false, add_samples<telescope<4>>},
 };
 
+constexpr auto layout = [](auto& io, Rendering& r) {
+  io.number(r.seconds);
+  for (PixelSums& p : r.pixels) {
+    io.number(p.sum);
+    io.number(p.square);
+    io.number(p.lookups);
+    io.number(p.samples);
+  }
+};
+
 }  // namespace
 
 std::span<const TransmittanceMethod> transmittance_methods() { return methods; }
@@ -96,6 +106,13 @@ Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const Re
   const auto pixels = static_cast<std::size_t>(plan.width) * static_cast<std::size_t>(plan.height);
   Rendering rendering;
   rendering.pixels.resize(pixels);
+  plan.saving.take_up(rendering, layout);
+  for (const PixelSums& p : rendering.pixels) {
+    if (p.samples < 0 || p.samples > plan.samples || (p.samples % in_pass != 0 && p.samples != plan.samples)) {
+      throw std::invalid_argument("no checkpoint: the sums are of another image");
+    }
+  }
+  const double earlier_seconds = rendering.seconds;
   const auto start = std::chrono::steady_clock::now();
   for (int pass = 0; pass < passes && rendering.complete; ++pass) {
     const auto row = [&](int y) {
@@ -104,6 +121,7 @@ Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const Re
             static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(plan.width) + static_cast<std::uint64_t>(x);
         PixelSums& sums = rendering.pixels[pixel];
         const std::int64_t last = std::min(plan.samples, in_pass * (pass + 1));
+        if (sums.samples >= last) continue;  // of an earlier run
         const Path path = look(cloud, x, y, plan.width, plan.height).path;
         if (path.length() == 0) {  // past the box
           const auto n = static_cast<double>(last - sums.samples);
@@ -119,8 +137,10 @@ Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const Re
       if (plan.progress && !plan.progress(share)) rendering.complete = false;
       return rendering.complete;
     });
+    rendering.seconds =
+        earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    plan.saving.keep(rendering, layout, pass == passes - 1 || !rendering.complete);
   }
-  rendering.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return rendering;
 }
 
@@ -130,6 +150,7 @@ std::int64_t samples_for(double seconds, const Cloud& cloud, const Transmittance
   plan.height = std::max(1, plan.height / 4);
   plan.seed = ~plan.seed;
   plan.progress = nullptr;
+  plan.saving = {};
   const double share = plan.width * plan.height / pixels;
   for (plan.samples = 16;; plan.samples *= 4) {
     const double needed = render(cloud, method, plan).seconds;

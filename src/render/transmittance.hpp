@@ -10,6 +10,7 @@
 
 #include "cloud.hpp"
 #include "image.hpp"
+#include "saving.hpp"
 
 namespace debias::render {
 
@@ -39,6 +40,7 @@ struct RenderPlan {
   int threads = 0;
   /// Called now and then with the share that is done; false stops.
   std::function<bool(double)> progress;
+  Saving saving;
 };
 
 /// Sums of each pixel, row by row. The same bits for any number of threads.
