@@ -7,6 +7,7 @@
 
 #include "catalog.hpp"
 #include "catalog/hard.hpp"
+#include "catalog/reliability.hpp"
 #include "catalog/validation.hpp"
 
 #include "catch_shim.hpp"
@@ -189,59 +190,31 @@ TEST_CASE("no hard case is wrong without a word, and one that is wrong without a
   CHECK(validate({wrong}, {.samples = 20000, .seed = 2}).failed == 1);
 }
 
-namespace {
-
-/// P(sup |F_n - F| is larger), Kolmogorov's series, of numbers that should be standard normal.
-double kolmogorov_smirnov(std::vector<double> z) {
-  std::sort(z.begin(), z.end());
-  const auto n = static_cast<double>(z.size());
-  double distance = 0;
-  for (std::size_t i = 0; i < z.size(); ++i) {
-    const double f = 0.5 * std::erfc(-z[i] / std::sqrt(2.0));
-    const auto rank = static_cast<double>(i);
-    distance = std::max({distance, f - rank / n, (rank + 1) / n - f});
+TEST_CASE("wrong estimators are rejected, right ones are not, and bad values are never hidden", "[catalog][statistical]") {
+  for (const Suspect& s : suspects()) {
+    const Statistics run = s.run({.samples = 200'000, .seed = 4});
+    const double z = (run.components.front().mean - s.truth) / believed_error(run, s.truth);
+    CAPTURE(s.name, z);
+    CHECK((std::abs(z) < family_threshold(static_cast<std::int64_t>(suspects().size()))) == !s.wrong);
   }
-  const double x = (std::sqrt(n) + 0.12 + 0.11 / std::sqrt(n)) * distance;
-  double p = 0;
-  for (int k = 1; k < 100; ++k) p += (k % 2 == 1 ? 2 : -2) * std::exp(-2.0 * k * k * x * x);
-  return std::clamp(p, 0.0, 1.0);
+  CHECK(failures_on_nonfinite_values().empty());
 }
 
-}  // namespace
+TEST_CASE("the distance of Kolmogorov and Smirnov has its distribution", "[catalog][exact]") {
+  std::vector<double> even;
+  for (int i = 0; i < 1000; ++i) even.push_back((i + 0.5) / 1000);
+  CHECK(kolmogorov_smirnov(even) > 0.999);
+  for (double& u : even) u = std::pow(u, 1.1);
+  // The largest gap is max x^(1/1.1) - x + 1/2000 = 0.0355, and 2 exp(-2 (31.74 x 0.0355)^2) = 0.157.
+  CHECK(kolmogorov_smirnov(even) == Approx(0.157).epsilon(0.01));
+  for (double& u : even) u = std::pow(u, 1.3);
+  CHECK(kolmogorov_smirnov(even) < 1e-6);
+}
 
-// Cells of one validation share their streams, so their z are not independent: here each cell has a seed of its own.
-TEST_CASE("z of all cells that pass is standard normal, at a published seed and at another",
-          "[catalog][statistical][.long]") {
-  for (const std::uint64_t published : {1U, 20261125U}) {
-    std::vector<double> z;
-    const Report report = validate(
-        [] {
-          std::vector<const Problem*> all;
-          for (const Problem& p : problems()) all.push_back(&p);
-          return all;
-        }(),
-        {.samples = 1000, .seed = published});
-    std::uint64_t seed = published << 20;
-    for (const Cell& cell : report.cells) {
-      ++seed;
-      if (cell.status != Status::pass && cell.status != Status::fail) continue;
-      const Statistics s = cell.problem->run(cell.choice, {.samples = 20000, .seed = seed});
-      const double error = believed_error(s, cell.problem->truth);
-      if (s.components.front().standard_error < error) continue;  // rounding, not noise
-      z.push_back((s.components.front().mean - cell.problem->truth) / error);
-      if (std::abs(z.back()) < 4) continue;
-      WARN(cell.problem->id << " " << name_of(cell.choice) << ", base " << cell.choice.base_level << ", seed " << seed
-                            << ": z = " << z.back() << ", the result says: " << doubts_of(s));
-      CHECK(std::abs(z.back()) < report.threshold);
-    }
-    const Moments m = Moments::of(z);
-    const double p = kolmogorov_smirnov(z);
-    WARN("seed " << published << ": " << m.count << " cells, mean " << m.mean << ", spread " << std::sqrt(m.variance())
-                 << ", Kolmogorov-Smirnov p = " << p);
-    REQUIRE(m.count > 300);
-    CHECK(p > 1e-6);
-    CHECK(std::abs(std::sqrt(m.variance()) - 1) < 4.5 / std::sqrt(2 * static_cast<double>(m.count)));
-    for (double& v : z) v += 0.5;  // a bias of half a standard error in every cell
-    CHECK(kolmogorov_smirnov(z) < 1e-6);
+// The page of `debias validate --report --samples 1e6`.
+TEST_CASE("every figure of reliability holds", "[catalog][statistical][.long]") {
+  for (const Figure& f : reliability({})) {
+    WARN(f.name << ": " << f.measured << " (" << f.demanded << ")");
+    CHECK(f.holds);
   }
 }

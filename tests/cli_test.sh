@@ -79,6 +79,9 @@ refused_by 2 "'exp_of_mean'.*did you mean 'exp-of-mean'" validate A01 exp_of_mea
 refused_by 2 "--samples = '1'" validate --samples 1
 refused_by 2 "--samples = '1'" validate --hard --samples 1
 refused_by 2 "'A01' is a problem" validate --hard A01
+refused_by 2 "'A01': it is of all" validate --report A01
+refused_by 2 "both" validate --report --hard
+refused_by 2 "leave it out" validate --report --checkpoint c
 refused_by 2 "--confidence" validate A01 --confidence 0.9
 refused_by 2 "write problems, estimators or laws" list everything
 refused_by 2 "did you mean 'laws'" list law
@@ -209,6 +212,11 @@ check "a summary of validate" has '^[0-9]* cells: [0-9]* passed, 0 failed' out
 check "a refused cell says why" has '"status":"refused","reason":"..*"' cells.jsonl
 check "the summary is the last line" eval 'tail -n 1 cells.jsonl | grep -q "\"max_abs_z\""'
 
+"$debias" validate --report --samples 500 -o report.md 2> err  # too few to see all wrong estimators
+check "a report with a figure that fails" same $? 4
+check "names it on stderr" has "^debias: figures that fail: .*wrong on purpose" err
+check "the page says so" has "FAILS" report.md
+check "the page knows its command" has "command: debias validate --report --samples 500 --seed 1" report.md
 "$debias" validate --hard --samples 1e4 > out 2> err
 check "hard cases say what is wrong with them" same $? 0
 check "and are counted" has '^[0-9]* cases, 0 wrong without a word' out
@@ -237,6 +245,7 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err
   done
   check "valid JSON lines: validate" python3 -c "$strict" lines < cells.jsonl 2> err
+  check "valid JSON: validate --report" python3 -c "$strict" whole < report.json 2> err
   check "valid JSON lines: validate --hard" python3 -c "$strict" lines < hard.jsonl 2> err
 fi
 

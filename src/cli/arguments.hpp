@@ -53,6 +53,7 @@ struct Arguments {
   bool csv = false;
   bool compare = false;
   bool hard = false;
+  bool report = false;
   bool allow_infinite_mean = false;
   bool quiet = false;
   const struct Loaded* resumed = nullptr;  ///< not typed: what `resume` has read from `checkpoint`

@@ -60,8 +60,8 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
     throw std::invalid_argument("--shard = '" + a.shard + "' (must be I/N); write 1/4 for the first of four");
   }
   const auto n = static_cast<std::int64_t>(parse_count(a.shard.substr(slash + 1), "--shard, N", 1, 1 << 20));
-  const auto i = static_cast<std::int64_t>(
-      parse_count(a.shard.substr(0, slash), "--shard, I", 1, static_cast<std::uint64_t>(n)));
+  const auto i =
+      static_cast<std::int64_t>(parse_count(a.shard.substr(0, slash), "--shard, I", 1, static_cast<std::uint64_t>(n)));
   constexpr std::int64_t chunk = default_chunk;
   const std::int64_t chunks = (samples - 1) / chunk + 1;
   const auto cut = [&](std::int64_t k) {
@@ -206,10 +206,11 @@ int resume(const Arguments& arguments) {
   const bool new_goal = has_goal(arguments);
   const bool new_samples = arguments.samples != "auto";
   if ((new_goal || new_samples) && !w.shard.empty()) {
-    throw std::invalid_argument("resume: a shard ends where the next one begins; merge the shards, then extend the union");
+    throw std::invalid_argument(
+        "resume: a shard ends where the next one begins; merge the shards, then extend the union");
   }
   if (new_goal && new_samples) read_plan(arguments);  // says what is wrong
-  bool pilot = w.samples == "auto";  // killed before its pilot had ended
+  bool pilot = w.samples == "auto";                   // killed before its pilot had ended
   if (new_goal) {
     w.error = arguments.error;
     w.relative_error = arguments.relative_error;
@@ -227,7 +228,8 @@ int resume(const Arguments& arguments) {
   }
   std::int64_t least = 0;
   if (file.arguments.samples != "auto") {
-    least = static_cast<std::int64_t>(parse_count(file.arguments.samples, "samples", 1, std::numeric_limits<std::int64_t>::max()));
+    least = static_cast<std::int64_t>(
+        parse_count(file.arguments.samples, "samples", 1, std::numeric_limits<std::int64_t>::max()));
   }
   try {
     return go_on(w, arguments, arguments.file, std::move(file.state), pilot, least);
@@ -247,8 +249,8 @@ int merge(const Arguments& arguments) {
       w = shard.arguments;
       text = text_of(w);
     } else if (text != text_of(shard.arguments)) {
-      throw FileError("'" + path + "': of another run than '" + arguments.problems.front() + "': " +
-                      "problem, options, seed and samples must be the same");
+      throw FileError("'" + path + "': of another run than '" + arguments.problems.front() +
+                      "': " + "problem, options, seed and samples must be the same");
     }
     if (!shard.state) continue;
     if (!whole) {
@@ -271,7 +273,8 @@ int merge(const Arguments& arguments) {
     for (std::size_t i = 0; i < gaps.size() && i < 4; ++i) {
       missing += (i > 0 ? ", [" : "[") + std::to_string(gaps[i].first) + ", " + std::to_string(gaps[i].second) + ")";
     }
-    throw FileError("merge: of " + std::to_string(samples) + " samples " + missing + (gaps.size() > 4 ? " and more" : "") +
+    throw FileError("merge: of " + std::to_string(samples) + " samples " + missing +
+                    (gaps.size() > 4 ? " and more" : "") +
                     " are missing; add the other shards, or finish them with `debias resume`");
   }
   try {

@@ -29,6 +29,7 @@ int merge(const Arguments& arguments);
 int replay(const Arguments& arguments);
 int validate(const Arguments& arguments);
 int validate_hard(const Arguments& arguments);
+int validate_report(const Arguments& arguments);
 int survey(const Arguments& arguments);
 int tradeoff(const Arguments& arguments);
 int diagnose(const Arguments& arguments);

@@ -487,4 +487,17 @@ std::string hard_summary_json(const catalog::HardReport& report, const Plan& pla
   return json.dump();
 }
 
+std::string report_json(const std::vector<catalog::Figure>& figures,
+                        const std::vector<std::pair<std::string, std::string>>& facts) {
+  Json json;
+  for (const auto& [name, text] : facts) json["facts"][name] = text;
+  json["figures"] = Json::array();
+  for (const catalog::Figure& f : figures) {
+    json["figures"].push_back(
+        {{"name", f.name}, {"measured", f.measured}, {"demanded", f.demanded}, {"holds", f.holds}});
+  }
+  add_versions(json);
+  return pretty(json);
+}
+
 }  // namespace debias::cli

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "../catalog/hard.hpp"
+#include "../catalog/reliability.hpp"
 #include "commands.hpp"
 
 namespace debias::cli {
@@ -29,5 +30,9 @@ std::string cell_json(const catalog::Cell& cell);
 std::string summary_json(const Validation& validation);
 std::string hard_cell_json(const catalog::HardCell& cell);
 std::string hard_summary_json(const catalog::HardReport& report, const Plan& plan);
+
+/// The facts of machine and build as pairs of a name and a text.
+std::string report_json(const std::vector<catalog::Figure>& figures,
+                        const std::vector<std::pair<std::string, std::string>>& facts);
 
 }  // namespace debias::cli

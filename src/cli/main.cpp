@@ -27,24 +27,6 @@ struct Command {
   int (*execute)(const Arguments&);
 };
 
-std::string version_text() {
-  std::string text = "debias " DEBIAS_VERSION "\nstream layout " + std::to_string(Stream::layout_version);
-#ifdef __clang__
-  text += "\ncompiler " __VERSION__;
-#else
-  text += "\ncompiler g++ " __VERSION__;
-#endif
-#ifdef __OPTIMIZE__
-  text += ", optimised";
-#else
-  text += ", not optimised";
-#endif
-#ifndef NDEBUG
-  text += ", assertions on";
-#endif
-  return text;
-}
-
 void add_choice(CLI::App& app, Arguments& a) {
   app.add_option("PROBLEM", a.problem, "Id or name, see `debias list`")->required();
   app.add_option("--estimator", a.estimator,
@@ -207,11 +189,14 @@ int dispatch(int argc, char** argv) {
                                "  debias validate\n"
                                "  debias validate A01 A02 --samples 1e6\n"
                                "  debias validate --hard\n"
+                               "  debias validate --report --samples 1e6 -o report.md\n"
                                "  debias validate --json -o cells.jsonl");
   commands[3].arguments.samples = "1e5";
   validate_app.add_option("PROBLEM", commands[3].arguments.problems, "Ids or names; all when there is none");
   validate_app.add_flag("--hard", commands[3].arguments.hard,
                         "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
+  validate_app.add_flag("--report", commands[3].arguments.report,
+                        "Instead: every figure of reliability as a page of Markdown, with intervals over N / 100 replications (at most 1e4); -o FILE.md brings FILE.json");
   add_plan(validate_app, commands[3].arguments);
   add_checkpoint(validate_app, commands[3].arguments);
   add_output(validate_app, commands[3].arguments);

@@ -12,6 +12,8 @@
 #include <iostream>
 #include <utility>
 
+#include <debias/core/stream.hpp>
+
 namespace debias::cli {
 namespace {
 
@@ -120,6 +122,24 @@ void complain(std::string_view message) {
     if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
   }
   std::cerr << line + "\n" << std::flush;
+}
+
+std::string version_text() {
+  std::string text = "debias " DEBIAS_VERSION "\nstream layout " + std::to_string(Stream::layout_version);
+#ifdef __clang__
+  text += "\ncompiler " __VERSION__;
+#else
+  text += "\ncompiler g++ " __VERSION__;
+#endif
+#ifdef __OPTIMIZE__
+  text += ", optimised";
+#else
+  text += ", not optimised";
+#endif
+#ifndef NDEBUG
+  text += ", assertions on";
+#endif
+  return text;
 }
 
 std::string rounded(double x, int digits) {

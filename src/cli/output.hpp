@@ -87,6 +87,9 @@ int say_interrupted();
 /// `debias: message` on standard error, as one line whatever the message holds.
 void complain(std::string_view message);
 
+/// Program, stream layout and compiler, a line each.
+std::string version_text();
+
 /// At most `digits` significant digits, for people to read.
 std::string rounded(double x, int digits = 4);
 

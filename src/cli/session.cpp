@@ -79,7 +79,8 @@ std::pair<std::string, Arguments> words_of(const std::string& text) {
   const std::vector<std::string> lines = split_at(text, '\n');
   std::size_t at = 0;
   const auto value = [&](const std::string& name) {
-    if (at < lines.size() && lines[at].compare(0, name.size() + 1, name + "=") == 0) return lines[at++].substr(name.size() + 1);
+    if (at < lines.size() && lines[at].compare(0, name.size() + 1, name + "=") == 0)
+      return lines[at++].substr(name.size() + 1);
     throw std::invalid_argument("no checkpoint of a command: no " + name);
   };
   const std::string version = value("version");
@@ -101,7 +102,8 @@ std::string text_of(const std::string& command, const Arguments& a) {
   std::string text;
   const auto add = [&](const std::string& name, const std::string& value) {
     if (value.find('\n') != std::string::npos) {
-      throw std::invalid_argument("--checkpoint: (a line break in " + name + " has no place in the file); write another " + name);
+      throw std::invalid_argument("--checkpoint: (a line break in " + name +
+                                  " has no place in the file); write another " + name);
     }
     text += name + "=" + value + "\n";
   };

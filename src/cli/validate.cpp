@@ -19,14 +19,14 @@ Row row_of(const catalog::Cell& cell) {
   const catalog::Problem& p = *cell.problem;
   const std::string law = law_text(cell.choice);
   Row row = {std::string(catalog::name_of(cell.status)), p.id + " " + p.name,
-             std::string(catalog::name_of(cell.choice)), cell.choice.special.empty() ? std::to_string(cell.choice.base_level) : "-",
+             std::string(catalog::name_of(cell.choice)),
+             cell.choice.special.empty() ? std::to_string(cell.choice.base_level) : "-",
              cell.has_run && !law.empty() ? law : "-"};
   if (cell.has_run) {
     const Statistics& s = cell.statistics;
     const ComponentEstimate& c = s.components.front();
-    for (const std::string& text :
-         {with_error(c.mean, c.standard_error), rounded(p.truth, 10), rounded(cell.z, 3),
-          rounded(s.work_per_sample()), rounded(s.seconds, 3), rounded(s.efficiency(), 3)}) {
+    for (const std::string& text : {with_error(c.mean, c.standard_error), rounded(p.truth, 10), rounded(cell.z, 3),
+                                    rounded(s.work_per_sample()), rounded(s.seconds, 3), rounded(s.efficiency(), 3)}) {
       row.push_back(text);
     }
   } else {
@@ -38,9 +38,8 @@ Row row_of(const catalog::Cell& cell) {
 
 void print_summary(std::ostream& out, const Validation& v) {
   const Counts n = count(v.report);
-  out << v.report.cells.size() << " cells: " << v.report.passed << " passed, " << v.report.failed
-      << " failed, " << n.biased << " biased, " << n.refused << " refused, " << n.underpowered
-      << " underpowered\n"
+  out << v.report.cells.size() << " cells: " << v.report.passed << " passed, " << v.report.failed << " failed, "
+      << n.biased << " biased, " << n.refused << " refused, " << n.underpowered << " underpowered\n"
       << "max |z| " << rounded(v.report.max_abs_z, 3) << ", threshold " << rounded(v.report.threshold, 3)
       << "; smallest detectable bias " << rounded(v.report.smallest_detectable_bias, 3)
       << " standard deviations of one sample\n"
@@ -60,7 +59,9 @@ Counts count(const catalog::Report& report) {
 }
 
 int validate(const Arguments& arguments) {
+  if (arguments.hard && arguments.report) throw std::invalid_argument("--hard, --report: both (keep one)");
   if (arguments.hard) return validate_hard(arguments);
+  if (arguments.report) return validate_report(arguments);
   std::vector<const catalog::Problem*> problems;
   for (const std::string& name : arguments.problems) problems.push_back(&catalog::find(name));
   if (problems.empty()) {
@@ -109,7 +110,8 @@ int validate(const Arguments& arguments) {
     out.flush();
   };
   const auto prepare = [&](const catalog::Problem& p, const catalog::Choice& c, Plan& cell) {
-    session.attach(cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + law_text(c));
+    session.attach(
+        cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + law_text(c));
   };
   Validation result{{}, plan.samples, plan.seed, 0};
   try {

@@ -15,7 +15,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
-#include "laws/bits.hpp"
+#include "catalog/bits.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/independent_sum.hpp>
@@ -24,7 +24,7 @@
 #include <debias/pmf/geometric.hpp>
 
 using namespace debias;
-using laws::bits_of;
+using catalog::bits_of;
 
 namespace {
 

@@ -1,7 +1,6 @@
 #pragma once
 
-// Laws, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject,
-// and the claims that tests of estimators share.
+// The estimators that are wrong on purpose (catalog/wrong.hpp) with what tests of estimators claim of them.
 
 #include <cmath>
 #include <cstdint>
@@ -10,60 +9,12 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/sequence.hpp>
-#include <debias/pmf/geometric.hpp>
 
+#include "catalog/wrong.hpp"
 #include "estimators/sequences.hpp"
 #include "laws/estimator_laws.hpp"
 
 namespace debias::trial {
-
-/// Weights of the next level.
-struct LawOffByOne {
-  Geometric law;
-  double mass(std::int64_t j) const { return law.mass(j + 1); }
-  double tail(std::int64_t j) const { return law.tail(j + 1); }
-  std::int64_t sample(double u) const { return law.sample(u); }
-};
-
-/// No weights at all.
-struct NoReweighting {
-  Geometric law;
-  double mass(std::int64_t) const { return 1; }
-  double tail(std::int64_t) const { return 1; }
-  std::int64_t sample(double u) const { return law.sample(u); }
-};
-
-/// Cut after level `last` and renormalised: a law that ends, called unbiased.
-struct Renormalised {
-  Geometric law;
-  std::int64_t last;
-  double rest() const { return law.tail(last + 1); }
-  double mass(std::int64_t j) const { return j > last ? 0 : law.mass(j) / (1 - rest()); }
-  double tail(std::int64_t j) const { return j > last ? 0 : (law.tail(j) - rest()) / (1 - rest()); }
-  std::int64_t sample(double u) const { return law.sample(rest() + u * (1 - rest())); }
-};
-
-/// No base: I_k is taken for zero wherever it stands alone.
-template <BiasedSequence S>
-struct BaseDropped {
-  S sequence;
-  Draw<double> operator()(std::int64_t level, Stream& rng) const { return sequence(level, rng); }
-  Term<double> value_at(std::int64_t level, Stream& rng) const { return {0, sequence(level, rng).work}; }
-};
-
-/// The first term is left out.
-template <TermSequence S>
-struct FirstTermDropped {
-  S terms;
-  auto operator()(Stream& rng) const {
-    return [cursor = terms(rng), first = true]() mutable {
-      auto term = cursor();
-      if (first) term.value = 0;
-      first = false;
-      return term;
-    };
-  }
-};
 
 /// A shared base made of one residue of the comb only: its offset is not uniform.
 struct OneResidue : Comb {
@@ -72,19 +23,6 @@ struct OneResidue : Comb {
     SharedDraw<double> draw = Comb::shared(level, base_level, rng);
     draw.base = residue(copy.uniform(), std::int64_t{1} << level, std::int64_t{1} << (level - base_level), 0);
     return draw;
-  }
-};
-
-/// Every sample times a factor.
-template <Estimator E>
-struct Scaled {
-  E estimator;
-  double factor;
-  template <Record R>
-  auto operator()(Stream& rng, R& record) const {
-    auto sample = draw_sample(estimator, rng, record);
-    sample.value *= factor;
-    return sample;
   }
 };
 

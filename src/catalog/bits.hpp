@@ -9,7 +9,7 @@
 
 #include <debias/core/result.hpp>
 
-namespace debias::laws {
+namespace debias::catalog {
 
 inline std::vector<std::uint64_t> bits_of(const Statistics& s) {
   std::vector<std::uint64_t> words;
@@ -45,4 +45,4 @@ inline std::vector<std::uint64_t> bits_of(const Statistics& s) {
   return words;
 }
 
-}  // namespace debias::laws
+}  // namespace debias::catalog

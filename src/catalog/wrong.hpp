@@ -1,0 +1,98 @@
+#pragma once
+
+// Laws, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject.
+
+#include <algorithm>
+#include <cstdint>
+
+#include <debias/core/estimator.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/pmf/geometric.hpp>
+
+namespace debias::trial {
+
+/// Weights of the next level.
+struct LawOffByOne {
+  Geometric law;
+  double mass(std::int64_t j) const { return law.mass(j + 1); }
+  double tail(std::int64_t j) const { return law.tail(j + 1); }
+  std::int64_t sample(double u) const { return law.sample(u); }
+};
+
+/// No weights at all.
+struct NoReweighting {
+  Geometric law;
+  double mass(std::int64_t) const { return 1; }
+  double tail(std::int64_t) const { return 1; }
+  std::int64_t sample(double u) const { return law.sample(u); }
+};
+
+/// Cut after level `last` and renormalised: a law that ends, called unbiased.
+struct Renormalised {
+  Geometric law;
+  std::int64_t last;
+  double rest() const { return law.tail(last + 1); }
+  double mass(std::int64_t j) const { return j > last ? 0 : law.mass(j) / (1 - rest()); }
+  double tail(std::int64_t j) const { return j > last ? 0 : (law.tail(j) - rest()) / (1 - rest()); }
+  std::int64_t sample(double u) const { return law.sample(rest() + u * (1 - rest())); }
+};
+
+/// No base: I_k is taken for zero wherever it stands alone.
+template <BiasedSequence S>
+struct BaseDropped {
+  S sequence;
+  Draw<double> operator()(std::int64_t level, Stream& rng) const { return sequence(level, rng); }
+  Term<double> value_at(std::int64_t level, Stream& rng) const { return {0, sequence(level, rng).work}; }
+};
+
+/// The first term is left out.
+template <TermSequence S>
+struct FirstTermDropped {
+  S terms;
+  auto operator()(Stream& rng) const {
+    return [cursor = terms(rng), first = true]() mutable {
+      auto term = cursor();
+      if (first) term.value = 0;
+      first = false;
+      return term;
+    };
+  }
+};
+
+/// Weights that are cut at `most`.
+struct WeightsCapped {
+  Geometric law;
+  double most;
+  double mass(std::int64_t j) const { return std::max(law.mass(j), 1 / most); }
+  double tail(std::int64_t j) const { return std::max(law.tail(j), 1 / most); }
+  std::int64_t sample(double u) const { return law.sample(u); }
+};
+
+/// Level and difference from the same numbers.
+template <BiasedSequence S>
+struct LevelFromItsOwnDraws {
+  S sequence;
+  Geometric law;
+  Sample<double> operator()(Stream& rng) const {
+    Stream own = rng;
+    const std::int64_t level = 1 + law.sample(rng.uniform());
+    Stream base = split_level(own, 0);
+    const auto draw = sequence(level, own);
+    return {sequence(0, base).value + draw.difference / law.mass(level - 1), draw.work, level};
+  }
+};
+
+/// Every sample times a factor.
+template <Estimator E>
+struct Scaled {
+  E estimator;
+  double factor;
+  template <Record R>
+  auto operator()(Stream& rng, R& record) const {
+    auto sample = draw_sample(estimator, rng, record);
+    sample.value *= factor;
+    return sample;
+  }
+};
+
+}  // namespace debias::trial
