@@ -76,6 +76,7 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
 int go_on(Arguments words_of_run, const Arguments& how, const std::string& path, std::optional<RunState> earlier,
           bool pilot, std::int64_t least_samples) {
   const catalog::Problem& problem = catalog::find(words_of_run.problem);
+  keep_apart(how.output, path);
   Output out(how.output);
   Progress progress(how.quiet);
   Arguments asked = words_of_run;
@@ -241,6 +242,7 @@ int merge(const Arguments& arguments) {
   Arguments w;
   std::string text;
   for (const std::string& path : arguments.problems) {
+    keep_apart(arguments.output, path);
     LoadedRun shard = run_in(path, load(path));
     shard.arguments.shard.clear();
     if (text.empty()) {

@@ -196,10 +196,14 @@ std::pair<render::Cloud, std::uint64_t> read_cloud(const Arguments& arguments) {
     throw std::invalid_argument("--volume '" + arguments.volume + "' (has no dimensions); add --dims 64x64x64");
   }
   const std::array<int, 3> size = read_dimensions<3>(arguments.dimensions, "--dims");
+  keep_apart(arguments.output, arguments.volume);
+  std::error_code error;
+  if (std::filesystem::exists(arguments.volume, error) && !std::filesystem::is_regular_file(arguments.volume, error)) {
+    throw FileError("--volume '" + arguments.volume + "': is no regular file");  // a pipe would be waited for
+  }
   std::ifstream file(arguments.volume, std::ios::binary);
   const std::uintmax_t wanted = sizeof(float) * static_cast<std::uintmax_t>(size[0]) *
                                 static_cast<std::uintmax_t>(size[1]) * static_cast<std::uintmax_t>(size[2]);
-  std::error_code error;
   const std::uintmax_t bytes = std::filesystem::file_size(arguments.volume, error);
   if (!file || error) throw FileError("--volume '" + arguments.volume + "': cannot be read");
   if (bytes != wanted) {

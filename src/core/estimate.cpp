@@ -245,11 +245,10 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
         break;
       }
       const std::int64_t finished = done += last - first;
-      if (is_caller && plan.save && seconds_now() >= next_save) save();
-      if (!progress) continue;
-      bool go_on = false;
+      bool go_on = true;
       try {
-        go_on = progress(finished);
+        if (is_caller && plan.save && seconds_now() >= next_save) save();
+        if (progress) go_on = progress(finished);
       } catch (...) {
         stop = true;  // else the caller would wait for the rest of the run
         throw;
