@@ -221,7 +221,8 @@ std::pair<render::Cloud, std::uint64_t> read_cloud(const Arguments& arguments) {
 }  // namespace
 
 int render_transmittance(const Arguments& arguments) {
-  const auto [cloud, checksum] = read_cloud(arguments);
+  const auto read = read_cloud(arguments);
+  const render::Cloud& cloud = read.first;
   render::RenderPlan plan;
   read_common(arguments, plan);
   plan.samples = static_cast<std::int64_t>(parse_count(arguments.spp, "--spp", 1, 1'000'000'000));
@@ -231,7 +232,7 @@ int render_transmittance(const Arguments& arguments) {
   Arguments words = arguments;
   words.seed = std::to_string(plan.seed);
   Session session("render transmittance", words);
-  if (!arguments.volume.empty() && kept_number(session, "volume", [&, sum = checksum] { return sum; }) != checksum) {
+  if (!arguments.volume.empty() && kept_number(session, "volume", [&] { return read.second; }) != read.second) {
     throw FileError("--volume '" + arguments.volume + "': not the values that the image was begun with");
   }
   Target target(arguments, arguments.compare);
