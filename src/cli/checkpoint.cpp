@@ -123,8 +123,6 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
   }
 }
 
-}  // namespace
-
 int run_with_checkpoint(const Arguments& arguments) {
   const std::string& path = arguments.checkpoint;
   if (path.empty()) {
@@ -165,8 +163,6 @@ int run_with_checkpoint(const Arguments& arguments) {
   }
 }
 
-namespace {
-
 struct Kept {
   const char* name;
   int (*execute)(const Arguments&);
@@ -198,6 +194,10 @@ int resume_parts(const Loaded& file, const Arguments& arguments) {
 }
 
 }  // namespace
+
+int run(const Arguments& arguments) {
+  return arguments.checkpoint.empty() && arguments.shard.empty() ? run_at_once(arguments) : run_with_checkpoint(arguments);
+}
 
 int resume(const Arguments& arguments) {
   Loaded loaded = load(arguments.file);

@@ -70,15 +70,16 @@ struct detail::Codec {
     io.number(a.levels.base_level_);
     code(io, a.levels.base_);
     list(io, a.levels.rows_, 40, most_rows, [&io](LevelSums& s) { code(io, s); });
-    demand(a.moments.count >= 0 && a.components.count_ >= 0);
+    demand(a.moments.count >= 0);
   }
 
   template <class Io, class T, class Before, std::size_t capacity, class Item>
   static void code(Io& io, Leading<T, Before, capacity>& l, std::size_t item_bytes, const Item& item) {
-    list(io, l.kept_, item_bytes, 2 * capacity, item);
+    if constexpr (!Io::reads) l.kept_ = l.sorted();  // so that equal states have equal bytes
+    list(io, l.kept_, item_bytes, capacity, item);
     if constexpr (Io::reads) {
-      // Never full and never pruned is a state of its own; anything more is pruned before it is added to.
-      if (l.kept_.size() >= capacity) l.prune();
+      demand(std::is_sorted(l.kept_.begin(), l.kept_.end(), Before{}));
+      if (l.kept_.size() == capacity) l.prune();
     }
   }
 
@@ -100,8 +101,34 @@ struct detail::Codec {
     demand(e.nonfinite_ >= 0 && (e.nonfinite_ > 0) == (e.first_nonfinite_ >= 0));
   }
 
+  // What holds of the sums of every run, and is relied on.
+  struct Demands {
+    std::int64_t samples = 0;
+    std::int64_t draws = 0;
+    std::optional<std::size_t> components;
+
+    void add(const Accumulator& a) {
+      const std::size_t n = a.components.entries_.size();
+      demand(n == components.value_or(n) && a.components.count_ == (n > 0 ? a.moments.count : 0));
+      components = n;
+      samples += a.moments.count;  // of ranges that do not overlap
+      add(a.levels.base_);
+      for (const LevelSums& s : a.levels.rows_) add(s);
+    }
+    void add(const LevelSums& s) {
+      demand(s.count <= (std::int64_t{1} << 62) - draws);
+      draws += s.count;
+    }
+    template <class T, class Before, std::size_t capacity>
+    void holds_enough(const Leading<T, Before, capacity>& l, std::int64_t nonfinite) const {
+      const auto kept = static_cast<std::int64_t>(l.kept_.size());
+      demand(kept >= std::min(samples - nonfinite, static_cast<std::int64_t>(capacity)));
+    }
+  };
+
   template <class Io>
   static void code(Io& io, RunState& s) {
+    [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
     io.number(s.seconds);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
@@ -113,8 +140,8 @@ struct detail::Codec {
         std::int64_t first = 0;
         RunState::Node node;
         code(io, first, node);
-        const std::int64_t samples = node.last - first;
         demand(first >= position && node.last > first && node.chunks >= 0);
+        const std::int64_t samples = node.last - first;
         if (node.chunks == 0) {
           demand((node.last - 1) / s.chunk_ == first / s.chunk_ && samples < s.chunk_);
         } else {
@@ -122,6 +149,7 @@ struct detail::Codec {
                  samples / s.chunk_ == node.chunks && first % samples == 0);
         }
         demand(node.sums.moments.count == samples);
+        demands.add(node.sums);
         position = node.last;
         s.insert(first, std::move(node));
       }
@@ -132,6 +160,11 @@ struct detail::Codec {
       }
     }
     code(io, s.extremes);
+    if constexpr (Io::reads) {
+      demands.holds_enough(s.extremes.upper_, s.extremes.nonfinite_);
+      demands.holds_enough(s.extremes.lower_, s.extremes.nonfinite_);
+      demands.holds_enough(s.extremes.largest_, s.extremes.nonfinite_);
+    }
   }
 
   template <class Io>

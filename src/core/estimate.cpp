@@ -195,7 +195,14 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
   }
   const double earlier_seconds = state.seconds;
   const std::int64_t known = state.reopen(end);  // the extremes hold the samples of a cut chunk before it
-  Chunks chunks(state.missing({plan.first, end}), chunk);
+  const std::vector<RunState::Range> gaps = state.missing({plan.first, end});
+  std::int64_t accounted = state.total().moments.count;
+  for (const auto& [first, last] : gaps) accounted += last - first;
+  if (accounted != plan.samples) {
+    throw std::invalid_argument("Plan: the earlier run holds a part of a chunk of " + std::to_string(chunk) +
+                                " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
+  }
+  Chunks chunks(gaps, chunk);
   std::atomic<std::int64_t> done = 0;
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
