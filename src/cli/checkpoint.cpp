@@ -76,6 +76,7 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
 int go_on(Arguments words_of_run, const Arguments& how, const std::string& path, std::optional<RunState> earlier,
           bool pilot, std::int64_t least_samples) {
   const catalog::Problem& problem = catalog::find(words_of_run.problem);
+  keep_apart(how.output, path);
   Output out(how.output);
   Progress progress(how.quiet);
   Arguments asked = words_of_run;
@@ -122,8 +123,6 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
   }
 }
 
-}  // namespace
-
 int run_with_checkpoint(const Arguments& arguments) {
   const std::string& path = arguments.checkpoint;
   if (path.empty()) {
@@ -164,8 +163,6 @@ int run_with_checkpoint(const Arguments& arguments) {
   }
 }
 
-namespace {
-
 struct Kept {
   const char* name;
   int (*execute)(const Arguments&);
@@ -197,6 +194,10 @@ int resume_parts(const Loaded& file, const Arguments& arguments) {
 }
 
 }  // namespace
+
+int run(const Arguments& arguments) {
+  return arguments.checkpoint.empty() && arguments.shard.empty() ? run_at_once(arguments) : run_with_checkpoint(arguments);
+}
 
 int resume(const Arguments& arguments) {
   Loaded loaded = load(arguments.file);
@@ -243,6 +244,7 @@ int merge(const Arguments& arguments) {
   Arguments w;
   std::string text;
   for (const std::string& path : arguments.problems) {
+    keep_apart(arguments.output, path);
     LoadedRun shard = run_in(path, load(path));
     shard.arguments.shard.clear();
     if (text.empty()) {

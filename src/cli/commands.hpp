@@ -170,8 +170,8 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
                     const std::function<void(Plan&)>& prepare);
 /// Prints the result; the exit code.
 int finish(const Run& run, const Arguments& arguments, class Output& out);
-/// `run` with `--checkpoint` or `--shard`.
-int run_with_checkpoint(const Arguments& arguments);
+/// `run` without `--checkpoint` or `--shard`.
+int run_at_once(const Arguments& arguments);
 MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 Replay replay_of(const catalog::Problem& problem, const Arguments& arguments);

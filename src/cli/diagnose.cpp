@@ -247,9 +247,13 @@ Diagnosis read_text(Source& source, const Arguments& arguments) {
   return d;
 }
 
+bool is_ordinary(double x) { return x == 0 || (std::abs(x) > 1e-60 && std::abs(x) < 1e60); }
+
 Diagnosis read_doubles(Source& source) {
   Diagnosis d;
   Sums sums;
+  std::int64_t odd = 0;
+  std::int64_t odd_if_swapped = 0;
   std::vector<char> buffer(buffer_size);
   std::int64_t row = 0;
   while (true) {
@@ -259,6 +263,8 @@ Diagnosis read_doubles(Source& source) {
       std::memcpy(&bits, buffer.data() + i, 8);
       if constexpr (std::endian::native == std::endian::big) bits = __builtin_bswap64(bits);
       sums.add(std::bit_cast<double>(bits), ++row);
+      odd += !is_ordinary(std::bit_cast<double>(bits));
+      odd_if_swapped += !is_ordinary(std::bit_cast<double>(__builtin_bswap64(bits)));
     }
     if (n == buffer.size()) continue;
     if (n % 8 != 0) {
@@ -267,6 +273,10 @@ Diagnosis read_doubles(Source& source) {
     break;
   }
   sums.finish(d);
+  if (2 * odd > row && 2 * odd_if_swapped < row) {
+    d.warnings.push_back(std::to_string(odd) + " values lie beyond 1e-60 ... 1e60, and " + std::to_string(odd_if_swapped) +
+                         " would in the other byte order: the file may be big-endian.");
+  }
   return d;
 }
 
@@ -300,7 +310,9 @@ double square_share(const Diagnosis& d, double value) {
   return (value - d.moments.mean) * (value - d.moments.mean) / d.moments.m2;
 }
 
-void print(std::ostream& out, const Diagnosis& d) {
+namespace {
+
+void print_values(std::ostream& out, const Diagnosis& d) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Moments& m = d.moments;
   print_line(out, "file", d.file + (d.column.empty() ? "" : ", column " + d.column));
@@ -369,6 +381,12 @@ void print(std::ostream& out, const Diagnosis& d) {
     print_line(out, name, sentence);
     name = "";
   }
+}
+
+}  // namespace
+
+void print(std::ostream& out, const Diagnosis& d) {
+  print_values(out, d);
   for (const std::string& warning : d.warnings) print_line(out, "warning", warning);
 }
 
@@ -391,6 +409,7 @@ int diagnose(const Arguments& arguments) {
   if (!is_text && !arguments.column.empty()) {
     throw std::invalid_argument("--column (a file of doubles has none); leave it out, or --format text");
   }
+  keep_apart(arguments.output, arguments.file);
   Source source(arguments.file);
   Output out(arguments.output);
   Diagnosis d = is_text ? read_text(source, arguments) : read_doubles(source);

@@ -1,5 +1,6 @@
 #include "output.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,7 +10,9 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
+#include <system_error>
 #include <utility>
 
 #include <debias/core/stream.hpp>
@@ -57,10 +60,23 @@ void Output::flush() {
     file_.close();
     file_.open(path_, std::ios::binary | std::ios::trunc);
   }
-  if (!(target << text_.str() << std::flush)) {
-    throw FileError((is_file() ? "-o '" + path_ + "'" : "standard output") + ": " + reason());
+  const std::string text = text_.str();
+  if (!(target << text << std::flush)) {
+    const std::string why = reason();
+    std::error_code ignored;
+    if (is_file() && std::filesystem::is_regular_file(path_, ignored)) {
+      std::filesystem::resize_file(path_, written_, ignored);
+    }
+    throw FileError((is_file() ? "-o '" + path_ + "'" : "standard output") + ": " + why);
   }
+  written_ += text.size();
   text_.str("");
+}
+
+void keep_apart(const std::string& output, const std::string& file) {
+  std::error_code ignored;
+  if (output.empty() || (output != file && !std::filesystem::equivalent(output, file, ignored))) return;
+  throw std::invalid_argument("-o '" + output + "', '" + file + "' (one file for two things); choose another name");
 }
 
 Progress::Progress(bool quiet) : terminal_(!quiet && isatty(STDERR_FILENO) != 0) {}
@@ -99,6 +115,12 @@ std::function<bool(std::string_view, double, double)> watch_on(Progress& progres
   };
 }
 
+void keep_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) < 0) open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);
+  }
+}
+
 void watch_signals() {
   struct sigaction action = {};
   action.sa_handler = on_signal;
@@ -107,6 +129,7 @@ void watch_signals() {
   sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGALRM, on_alarm);
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 bool interrupted() { return signalled != 0; }

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <fstream>
 #include <functional>
 #include <iosfwd>
@@ -39,7 +40,8 @@ class Output {
   explicit Output(const std::string& path = "");
 
   std::ostream& stream() { return text_; }
-  /// Writes what the stream has collected. Throws FileError unless all of it arrives.
+  /// Writes what the stream has collected. Throws FileError unless all of it arrives; of a file, what was written
+  /// before is kept, and no part of this.
   void flush();
   [[nodiscard]] bool is_file() const { return !path_.empty(); }
 
@@ -47,8 +49,12 @@ class Output {
   std::string path_;
   std::ofstream file_;
   bool emptied_ = false;
+  std::uintmax_t written_ = 0;
   std::ostringstream text_;
 };
+
+/// Throws std::invalid_argument where the result would take the place of a file that it is made from.
+void keep_apart(const std::string& output, const std::string& file);
 
 /// A line on standard error that is overwritten, at most ten times a second, and only on a terminal.
 class Progress {
@@ -77,8 +83,12 @@ std::string share_of(double done, double total, double seconds);
 /// A Watch (commands.hpp) that shows each step, and ends where a signal came.
 std::function<bool(std::string_view what, double done, double total)> watch_on(Progress& progress);
 
+/// A standard stream that is closed fails from here on where it is used; else the next file that is opened would get
+/// its number, and what is meant for the stream.
+void keep_standard_streams();
+
 /// From here on SIGINT and SIGTERM set a flag and end the program within a second, a second one ends it at
-/// once; a closed pipe is an error of the write.
+/// once; a closed pipe, or a file that may not grow, is an error of the write.
 void watch_signals();
 bool interrupted();
 /// The message that goes with it, and the exit code.

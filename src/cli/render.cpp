@@ -196,10 +196,14 @@ std::pair<render::Cloud, std::uint64_t> read_cloud(const Arguments& arguments) {
     throw std::invalid_argument("--volume '" + arguments.volume + "' (has no dimensions); add --dims 64x64x64");
   }
   const std::array<int, 3> size = read_dimensions<3>(arguments.dimensions, "--dims");
+  keep_apart(arguments.output, arguments.volume);
+  std::error_code error;
+  if (std::filesystem::exists(arguments.volume, error) && !std::filesystem::is_regular_file(arguments.volume, error)) {
+    throw FileError("--volume '" + arguments.volume + "': is no regular file");  // a pipe would be waited for
+  }
   std::ifstream file(arguments.volume, std::ios::binary);
   const std::uintmax_t wanted = sizeof(float) * static_cast<std::uintmax_t>(size[0]) *
                                 static_cast<std::uintmax_t>(size[1]) * static_cast<std::uintmax_t>(size[2]);
-  std::error_code error;
   const std::uintmax_t bytes = std::filesystem::file_size(arguments.volume, error);
   if (!file || error) throw FileError("--volume '" + arguments.volume + "': cannot be read");
   if (bytes != wanted) {
@@ -217,7 +221,8 @@ std::pair<render::Cloud, std::uint64_t> read_cloud(const Arguments& arguments) {
 }  // namespace
 
 int render_transmittance(const Arguments& arguments) {
-  const auto [cloud, checksum] = read_cloud(arguments);
+  const auto read = read_cloud(arguments);
+  const render::Cloud& cloud = read.first;
   render::RenderPlan plan;
   read_common(arguments, plan);
   plan.samples = static_cast<std::int64_t>(parse_count(arguments.spp, "--spp", 1, 1'000'000'000));
@@ -227,7 +232,7 @@ int render_transmittance(const Arguments& arguments) {
   Arguments words = arguments;
   words.seed = std::to_string(plan.seed);
   Session session("render transmittance", words);
-  if (!arguments.volume.empty() && kept_number(session, "volume", [&, sum = checksum] { return sum; }) != checksum) {
+  if (!arguments.volume.empty() && kept_number(session, "volume", [&] { return read.second; }) != read.second) {
     throw FileError("--volume '" + arguments.volume + "': not the values that the image was begun with");
   }
   Target target(arguments, arguments.compare);

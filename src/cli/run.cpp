@@ -175,8 +175,7 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
   return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
 }
 
-int run(const Arguments& arguments) {
-  if (!arguments.checkpoint.empty() || !arguments.shard.empty()) return run_with_checkpoint(arguments);
+int run_at_once(const Arguments& arguments) {
   const catalog::Problem& problem = catalog::find(arguments.problem);
   if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
   Output out(arguments.output);

@@ -133,6 +133,7 @@ Loaded load(const std::string& path) {
 
 Session::Session(const std::string& command, const Arguments& arguments) : path_(arguments.checkpoint) {
   if (path_.empty()) return;
+  keep_apart(arguments.output, path_);
   const std::string text = text_of(command, arguments);
   if (arguments.resumed != nullptr) {
     held_ = arguments.resumed->parts;

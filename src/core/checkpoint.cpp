@@ -70,15 +70,16 @@ struct detail::Codec {
     io.number(a.levels.base_level_);
     code(io, a.levels.base_);
     list(io, a.levels.rows_, 40, most_rows, [&io](LevelSums& s) { code(io, s); });
-    demand(a.moments.count >= 0 && a.components.count_ >= 0);
+    demand(a.moments.count >= 0);
   }
 
   template <class Io, class T, class Before, std::size_t capacity, class Item>
   static void code(Io& io, Leading<T, Before, capacity>& l, std::size_t item_bytes, const Item& item) {
-    list(io, l.kept_, item_bytes, 2 * capacity, item);
+    if constexpr (!Io::reads) l.kept_ = l.sorted();  // so that equal states have equal bytes
+    list(io, l.kept_, item_bytes, capacity, item);
     if constexpr (Io::reads) {
-      // Never full and never pruned is a state of its own; anything more is pruned before it is added to.
-      if (l.kept_.size() >= capacity) l.prune();
+      demand(std::is_sorted(l.kept_.begin(), l.kept_.end(), Before{}));
+      if (l.kept_.size() == capacity) l.prune();
     }
   }
 
@@ -100,8 +101,34 @@ struct detail::Codec {
     demand(e.nonfinite_ >= 0 && (e.nonfinite_ > 0) == (e.first_nonfinite_ >= 0));
   }
 
+  // What holds of the sums of every run, and is relied on.
+  struct Demands {
+    std::int64_t samples = 0;
+    std::int64_t draws = 0;
+    std::optional<std::size_t> components;
+
+    void add(const Accumulator& a) {
+      const std::size_t n = a.components.entries_.size();
+      demand(n == components.value_or(n) && a.components.count_ == (n > 0 ? a.moments.count : 0));
+      components = n;
+      samples += a.moments.count;  // of ranges that do not overlap
+      add(a.levels.base_);
+      for (const LevelSums& s : a.levels.rows_) add(s);
+    }
+    void add(const LevelSums& s) {
+      demand(s.count <= (std::int64_t{1} << 62) - draws);
+      draws += s.count;
+    }
+    template <class T, class Before, std::size_t capacity>
+    void holds_enough(const Leading<T, Before, capacity>& l, std::int64_t nonfinite) const {
+      const auto kept = static_cast<std::int64_t>(l.kept_.size());
+      demand(kept >= std::min(samples - nonfinite, static_cast<std::int64_t>(capacity)));
+    }
+  };
+
   template <class Io>
   static void code(Io& io, RunState& s) {
+    [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
     io.number(s.seconds);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
@@ -113,8 +140,8 @@ struct detail::Codec {
         std::int64_t first = 0;
         RunState::Node node;
         code(io, first, node);
-        const std::int64_t samples = node.last - first;
         demand(first >= position && node.last > first && node.chunks >= 0);
+        const std::int64_t samples = node.last - first;
         if (node.chunks == 0) {
           demand((node.last - 1) / s.chunk_ == first / s.chunk_ && samples < s.chunk_);
         } else {
@@ -122,6 +149,7 @@ struct detail::Codec {
                  samples / s.chunk_ == node.chunks && first % samples == 0);
         }
         demand(node.sums.moments.count == samples);
+        demands.add(node.sums);
         position = node.last;
         s.insert(first, std::move(node));
       }
@@ -132,6 +160,11 @@ struct detail::Codec {
       }
     }
     code(io, s.extremes);
+    if constexpr (Io::reads) {
+      demands.holds_enough(s.extremes.upper_, s.extremes.nonfinite_);
+      demands.holds_enough(s.extremes.lower_, s.extremes.nonfinite_);
+      demands.holds_enough(s.extremes.largest_, s.extremes.nonfinite_);
+    }
   }
 
   template <class Io>
@@ -190,6 +223,12 @@ std::optional<std::span<const std::byte>> next_record(ByteReader& r, std::span<c
   throw std::system_error(errno, std::generic_category(), "'" + path + "'");
 }
 
+void demand_regular(const struct stat& status, const std::string& path) {
+  if (S_ISREG(status.st_mode)) return;
+  errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
+  fail(S_ISDIR(status.st_mode) ? path : path + "' is no regular file: '" + path);
+}
+
 class File {
  public:
   File(const std::string& path, int flags) : path_(path), descriptor_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
@@ -207,22 +246,25 @@ class File {
     }
     if (fsync(descriptor_) != 0) fail(path_);
   }
-  [[nodiscard]] Bytes read_all() const {
+  [[nodiscard]] struct stat status() const {
     struct stat status = {};
     if (fstat(descriptor_, &status) != 0) fail(path_);
-    if (!S_ISREG(status.st_mode)) {
-      errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
-      fail(path_);
-    }
-    Bytes bytes;
-    std::array<std::byte, 1 << 16> block;
-    for (;;) {
-      const auto n = read(descriptor_, block.data(), block.size());
+    return status;
+  }
+  // Those of [offset, offset + size) that there are.
+  [[nodiscard]] Bytes read(std::uint64_t offset, std::uint64_t size) const {
+    Bytes bytes(static_cast<std::size_t>(size));
+    std::size_t filled = 0;
+    while (filled < bytes.size()) {
+      const auto n = pread(descriptor_, bytes.data() + filled, bytes.size() - filled,
+                           static_cast<off_t>(offset + filled));
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) fail(path_);
-      if (n == 0) return bytes;
-      bytes.insert(bytes.end(), block.begin(), block.begin() + n);
+      if (n == 0) break;
+      filled += static_cast<std::size_t>(n);
     }
+    bytes.resize(filled);
+    return bytes;
   }
   void sync() const { fsync(descriptor_); }
 
@@ -230,6 +272,30 @@ class File {
   std::string path_;
   int descriptor_;
 };
+
+// Where the header and the records end that say how long they are: a tail of a terabyte is not read.
+std::uint64_t end_of_records(const File& file, std::uint64_t size) {
+  const auto length_at = [&](std::uint64_t position, std::uint32_t mark) {
+    const Bytes bytes = file.read(position, mark == 0 ? 8 : 12);
+    ByteReader r(bytes);
+    std::uint32_t found = 0;
+    std::uint64_t length = 0;
+    if (mark != 0) r.number(found);
+    r.number(length);
+    return found == mark ? length : size;
+  };
+  constexpr std::uint64_t before_text = 20;
+  if (size < before_text + 12) return size;
+  const std::uint64_t text = length_at(before_text, 0);
+  if (text > size - before_text - 12) return before_text + 8;
+  std::uint64_t end = before_text + 8 + text + 4;
+  while (size - end >= 16) {
+    const std::uint64_t length = length_at(end, record_mark);
+    if (length > size - end - 16) break;
+    end += 16 + length;
+  }
+  return end;
+}
 
 }  // namespace
 
@@ -297,7 +363,16 @@ RunState decode(std::span<const std::byte> bytes) {
   return state;
 }
 
-Checkpoint read_checkpoint(const std::string& path) { return parse_checkpoint(File(path, O_RDONLY).read_all()); }
+Checkpoint read_checkpoint(const std::string& path) {
+  const File file(path, O_RDONLY | O_NONBLOCK);  // else a pipe would be waited for
+  const struct stat status = file.status();
+  demand_regular(status, path);
+  const auto size = static_cast<std::uint64_t>(status.st_size);
+  const std::uint64_t end = end_of_records(file, size);
+  Checkpoint checkpoint = parse_checkpoint(file.read(0, end));
+  checkpoint.dropped += static_cast<std::size_t>(size - end);
+  return checkpoint;
+}
 
 CheckpointWriter::CheckpointWriter(std::string path, std::string text, Parts parts)
     : path_(std::move(path)), text_(std::move(text)), parts_(std::move(parts)) {
@@ -306,8 +381,9 @@ CheckpointWriter::CheckpointWriter(std::string path, std::string text, Parts par
 
 void CheckpointWriter::write_whole() {
   struct stat status = {};
-  if (stat(path_.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {  // never put a file in place of a device
-    errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
+  if (stat(path_.c_str(), &status) == 0) {
+    demand_regular(status, path_);  // never put a file in place of a device
+  } else if (errno != ENOENT) {
     fail(path_);
   }
   Bytes bytes = header_of(text_);
@@ -316,7 +392,11 @@ void CheckpointWriter::write_whole() {
     bytes.insert(bytes.end(), record.begin(), record.end());
   }
   const std::string temporary = path_ + ".new";
-  File(temporary, O_WRONLY | O_CREAT | O_TRUNC).write_all(bytes);
+  {
+    const File file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+    file.write_all(bytes);
+    inode_ = file.status().st_ino;
+  }
   if (rename(temporary.c_str(), path_.c_str()) != 0) fail(path_);
   const std::size_t slash = path_.rfind('/');
   File(slash == std::string::npos ? "." : path_.substr(0, slash + 1), O_RDONLY | O_DIRECTORY).sync();
@@ -331,7 +411,12 @@ void CheckpointWriter::save(const Parts& parts) {
     bytes.insert(bytes.end(), record.begin(), record.end());
   }
   if (size_ + bytes.size() > 4 * least_size_ + most_waste) return write_whole();
-  File(path_, O_WRONLY | O_APPEND).write_all(bytes);
+  if (access(path_.c_str(), F_OK) != 0 && errno == ENOENT) return write_whole();  // it was deleted
+  const File file(path_, O_WRONLY | O_APPEND);
+  if (file.status().st_ino != inode_) {
+    throw std::system_error(EEXIST, std::generic_category(), "'" + path_ + "': another run has put a file of its own here");
+  }
+  file.write_all(bytes);
   size_ += bytes.size();
 }
 

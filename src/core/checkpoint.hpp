@@ -11,6 +11,7 @@
 // its place, so that at any moment one whole file has the name.
 
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <span>
 #include <string>
@@ -59,6 +60,7 @@ class CheckpointWriter {
   Parts parts_;
   std::size_t size_ = 0;
   std::size_t least_size_ = 0;
+  std::uint64_t inode_ = 0;  ///< of the file: records of two runs in one would be a wrong result
 };
 
 }  // namespace debias

@@ -195,7 +195,14 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
   }
   const double earlier_seconds = state.seconds;
   const std::int64_t known = state.reopen(end);  // the extremes hold the samples of a cut chunk before it
-  Chunks chunks(state.missing({plan.first, end}), chunk);
+  const std::vector<RunState::Range> gaps = state.missing({plan.first, end});
+  std::int64_t accounted = state.total().moments.count;
+  for (const auto& [first, last] : gaps) accounted += last - first;
+  if (accounted != plan.samples) {
+    throw std::invalid_argument("Plan: the earlier run holds a part of a chunk of " + std::to_string(chunk) +
+                                " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
+  }
+  Chunks chunks(gaps, chunk);
   std::atomic<std::int64_t> done = 0;
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -245,11 +252,10 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
         break;
       }
       const std::int64_t finished = done += last - first;
-      if (is_caller && plan.save && seconds_now() >= next_save) save();
-      if (!progress) continue;
-      bool go_on = false;
+      bool go_on = true;
       try {
-        go_on = progress(finished);
+        if (is_caller && plan.save && seconds_now() >= next_save) save();
+        if (progress) go_on = progress(finished);
       } catch (...) {
         stop = true;  // else the caller would wait for the rest of the run
         throw;

@@ -10,6 +10,8 @@
 
 #include <debias/core/stream.hpp>
 
+#include "../core/text.hpp"
+
 namespace debias::render {
 namespace {
 
@@ -83,6 +85,10 @@ Cloud::Cloud(std::vector<float> grid, const std::array<int, 3>& size, double den
     majorant_ = std::max(majorant_, density * static_cast<double>(grid_[i]));
   }
   if (!(majorant_ > 0)) throw std::invalid_argument("volume: all numbers are 0 (nothing to see); give another file");
+  if (majorant_ < 1e-12) {  // less than an image of floats can show
+    throw std::invalid_argument("volume: extinction is " + to_text(majorant_) +
+                                " at most (nothing to see); are these floats of the other byte order?");
+  }
 }
 
 double Cloud::fractal(const Vec& p) const {

@@ -5,8 +5,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include <unistd.h>
@@ -22,6 +25,10 @@ using namespace debias;
 namespace {
 
 double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
+
+std::string temporary(const std::string& name) {
+  return (std::filesystem::temp_directory_path() / (name + "." + std::to_string(getpid()))).string();
+}
 
 }  // namespace
 
@@ -47,8 +54,7 @@ TEST_CASE("an extended result has the bits of one run, tails and largest samples
 
 TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte is wrong or missing",
           "[core][checkpoint][exact]") {
-  const std::string path =
-      (std::filesystem::temp_directory_path() / ("checkpoint_test." + std::to_string(getpid()))).string();
+  const std::string path = temporary("checkpoint_test");
   const auto run = estimate(draw, {.samples = 700, .seed = 5});
   CheckpointWriter writer(path, "a text", {{"run", encode(run.state)}});
   std::ifstream file(path, std::ios::binary);
@@ -74,4 +80,47 @@ TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte i
     }
   }
   CHECK(accepted == 0);
+}
+
+TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole records before it", "[core][checkpoint][exact]") {
+  const std::string path = temporary("checkpoint_cut");
+  const Bytes one = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
+  const Bytes two = encode(estimate(draw, {.samples = 80, .seed = 5}).state);
+  CheckpointWriter writer(path, "a text");
+  Parts parts;
+  std::map<std::uintmax_t, Parts> after = {{std::filesystem::file_size(path), parts}};  // by size of the file
+  for (const auto& [name, contents] : {std::pair("run", one), {"other", one}, {"run", two}}) {
+    writer.save({{name, contents}});
+    parts[name] = contents;
+    after[std::filesystem::file_size(path)] = parts;
+  }
+  int wrong = 0;
+  for (std::uintmax_t size = after.rbegin()->first + 1; size-- > 0;) {
+    std::filesystem::resize_file(path, size);
+    const auto next = after.upper_bound(size);
+    try {
+      const Checkpoint cut = read_checkpoint(path);
+      const auto& [whole, expected] = *std::prev(next);
+      wrong += cut.text != "a text" || cut.parts != expected || cut.dropped != size - whole;
+    } catch (const std::invalid_argument&) {
+      wrong += next != after.begin();
+    }
+  }
+  CHECK(wrong == 0);
+  std::filesystem::remove(path);
+}
+
+TEST_CASE("a checkpoint that is deleted comes back, and the file of another run is left alone", "[core][checkpoint][exact]") {
+  const std::string path = temporary("checkpoint_lost");
+  const Bytes sums = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
+  CheckpointWriter writer(path, "one run");
+  writer.save({{"run", sums}});
+  std::filesystem::remove(path);
+  writer.save({{"other", sums}});
+  CHECK(read_checkpoint(path).parts == Parts{{"run", sums}, {"other", sums}});
+  CheckpointWriter another(path, "another run");
+  CHECK_THROWS_AS(writer.save({{"run", sums}}), std::system_error);
+  another.save({{"run", sums}});
+  CHECK(read_checkpoint(path).text == "another run");
+  std::filesystem::remove(path);
 }
