@@ -41,9 +41,7 @@ struct Regime {
   [[nodiscard]] const Problem& the_problem() const { return find(problem); }
   [[nodiscard]] Choice choice() const {
     const Problem& p = the_problem();
-    return {.method = method,
-            .law = AnyPmf(Geometric::with_exponent(p.rates.variance / (2 * (1 - index)))),
-            .base_level = p.lowest_base};
+    return {.method = method, .law = law_with_tail_index(p, index), .base_level = p.lowest_base};
   }
   [[nodiscard]] std::string text() const {
     return std::string(problem) + " " + std::string(name_of(method)) + ", tail index " + number(index);
@@ -419,6 +417,10 @@ class Measurement {
 };
 
 }  // namespace
+
+AnyPmf law_with_tail_index(const Problem& problem, double index) {
+  return AnyPmf(Geometric::with_exponent(problem.rates.variance / (2 * (1 - index))));
+}
 
 double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 

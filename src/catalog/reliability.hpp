@@ -13,6 +13,9 @@
 #include <vector>
 
 #include <debias/core/result.hpp>
+#include <debias/pmf/any.hpp>
+
+#include "../catalog.hpp"
 
 namespace debias::catalog {
 
@@ -40,6 +43,10 @@ std::vector<Figure> reliability(const ReliabilityPlan& plan, const std::function
 double kolmogorov_smirnov(std::vector<double> uniforms);
 /// The standard normal distribution function.
 double normal_cdf(double x);
+
+/// The geometric law rho = beta / (2 (1 - index)) under which differences with E D^2 ~ 2^(-beta k) that scale give
+/// samples with this tail index.
+AnyPmf law_with_tail_index(const Problem& problem, double index);
 
 /// What intervals at 95 % did over replications.
 struct Coverage {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "catalog/reliability.hpp"
 #include "catch_shim.hpp"
 #include "diagnostics/cases.hpp"
 
@@ -124,38 +126,34 @@ bool calm(const Tally& t) { return 100 * t.light_flagged < t.light; }
 
 // ---- intervals
 
-struct Coverage {
-  int runs = 0;
-  int low = 0;         // the interval lies below the truth
-  int high = 0;        // above
-  int unreliable = 0;  // of those that miss: the verdict on the variance is not `finite`
+struct Coverage : catalog::Coverage {
+  int unreliable = 0;  // of the intervals that miss: the verdict on the variance is not `finite`
   int infinite = 0;    // it is `infinite`
 
-  [[nodiscard]] double covered() const { return 1 - static_cast<double>(low + high) / runs; }
-  [[nodiscard]] double fired() const { return static_cast<double>(unreliable) / (low + high); }
-  [[nodiscard]] double confident() const { return static_cast<double>(infinite) / (low + high); }
+  [[nodiscard]] double fired() const { return static_cast<double>(unreliable) / static_cast<double>(low + high); }
+  [[nodiscard]] double confident() const { return static_cast<double>(infinite) / static_cast<double>(low + high); }
 };
 
 std::ostream& operator<<(std::ostream& out, const Coverage& c) {
-  return out << "covered " << c.covered() << ", below " << c.low << ", above " << c.high << " of " << c.runs
+  return out << "covered " << c.covered() << ", below " << c.low << ", above " << c.high << " of " << c.replications
              << "; of the misses fired " << c.fired() << ", infinite " << c.confident();
 }
 
 Coverage coverage(const LabelledCase& c, int runs) {
   const double truth = catalog::find(c.problem).truth;
-  Coverage result;
-  result.runs = runs;
-  for (int s = 1; s <= runs; ++s) {
-    const Statistics run = c.run(10'000, 77'000 + static_cast<std::uint64_t>(s));
-    const Interval interval = run.interval(0.95);
-    if (interval.low <= truth && truth <= interval.high) continue;
-    (interval.high < truth ? result.low : result.high) += 1;
-    if (c.finite()) continue;
-    const Finiteness said = run.verdict().variance;
-    result.unreliable += said != Finiteness::finite ? 1 : 0;
-    result.infinite += said == Finiteness::infinite ? 1 : 0;
-  }
-  return result;
+  std::atomic<int> unreliable = 0;
+  std::atomic<int> infinite = 0;
+  const auto run = [&](std::uint64_t seed) {
+    Statistics s = c.run(10'000, 77'000 + seed);
+    const Interval interval = s.interval(0.95);
+    if (!c.finite() && !(interval.low <= truth && truth <= interval.high)) {
+      const Finiteness said = s.verdict().variance;
+      unreliable += said != Finiteness::finite;
+      infinite += said == Finiteness::infinite;
+    }
+    return s;
+  };
+  return {catalog::coverage(run, truth, runs), unreliable, infinite};
 }
 
 std::string check_coverage(const std::vector<LabelledCase>& cases) {

@@ -15,6 +15,7 @@
 #include <debias/pmf/any.hpp>
 
 #include "catalog.hpp"
+#include "catalog/reliability.hpp"
 
 namespace debias::test {
 
@@ -28,8 +29,9 @@ struct LabelledCase {
   [[nodiscard]] bool finite() const { return index < 0.5; }
   [[nodiscard]] AnyPmf the_law() const {
     if (!law.empty()) return AnyPmf::parse(law);
-    const double beta = catalog::find(problem).rates.variance;
-    return AnyPmf(Geometric::with_exponent(rare ? beta * index / (1 - index) : beta / (2 * (1 - index))));
+    const catalog::Problem& p = catalog::find(problem);
+    if (!rare) return catalog::law_with_tail_index(p, index);
+    return AnyPmf(Geometric::with_exponent(p.rates.variance * index / (1 - index)));
   }
   [[nodiscard]] Statistics run(std::int64_t samples, std::uint64_t seed) const {
     const catalog::Problem& p = catalog::find(problem);
