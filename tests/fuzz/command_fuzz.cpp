@@ -151,9 +151,21 @@ bool shallow(const Arguments& a) {
   }
 }
 
+// Samples, not hours.
+bool modest_goal(const Arguments& a) {
+  try {
+    return (a.error == "none" || read_positive(a.error, "") >= 0.1) &&
+           (a.relative_error == "none" || read_positive(a.relative_error, "") >= 0.1) &&
+           (a.time == "none" || read_seconds(a.time, "") <= 0.05);
+  } catch (const std::invalid_argument&) {
+    return true;  // it will be refused
+  }
+}
+
 // `rare` is true for few inputs: those may take a tenth of a second.
 bool little_work(const Command& command, bool rare) {
   const Arguments& a = command.arguments;
+  if (!modest_goal(a)) return false;
   const bool few = a.samples == "auto" || at_most(a.samples, 16);
   const bool goal = a.error != "none" || a.relative_error != "none" || a.time != "none";
   if (command.execute == list || command.execute == diagnose) return true;
