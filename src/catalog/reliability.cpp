@@ -217,13 +217,11 @@ class Measurement {
       const Statistics run = p.run(choice, plan_of(plan_.samples, plan_.seed, "laws"));
       double sum = 0;
       double second = 0;
-      double fourth = 0;
       for (std::int64_t k = 0; k < 50; ++k) {
         const LevelSums one = p.pilot(k, 1, 1);
         const double mass = law.mass(k);
         sum += one.difference;
         second += one.square / mass;
-        fourth += one.fourth / (mass * mass * mass);
       }
       const double variance = second - sum * sum;
       if (std::isfinite(run.moments.kurtosis()) && variance > 1e-9) {

@@ -86,7 +86,6 @@ enum class Bad { nan, infinity, denormal, thrown };
 // I_k = 1 - 2^-k, but for one sample in a thousand, whose levels all are bad.
 struct BadValues {
   Bad kind;
-  static constexpr Rates rates{2, 1};
   Draw<double> operator()(std::int64_t level, Stream& rng) const {
     const double fine = 1 - std::exp2(-static_cast<double>(level));
     const double work = std::exp2(static_cast<double>(level));

@@ -151,9 +151,21 @@ bool shallow(const Arguments& a) {
   }
 }
 
+// Samples, not hours.
+bool modest_goal(const Arguments& a) {
+  try {
+    return (a.error == "none" || read_positive(a.error, "") >= 0.1) &&
+           (a.relative_error == "none" || read_positive(a.relative_error, "") >= 0.1) &&
+           (a.time == "none" || read_seconds(a.time, "") <= 0.05);
+  } catch (const std::invalid_argument&) {
+    return true;  // it will be refused
+  }
+}
+
 // `rare` is true for few inputs: those may take a tenth of a second.
 bool little_work(const Command& command, bool rare) {
   const Arguments& a = command.arguments;
+  if (!modest_goal(a)) return false;
   const bool few = a.samples == "auto" || at_most(a.samples, 16);
   const bool goal = a.error != "none" || a.relative_error != "none" || a.time != "none";
   if (command.execute == list || command.execute == diagnose) return true;
@@ -166,7 +178,7 @@ bool little_work(const Command& command, bool rare) {
   if (command.execute == cli::merge) return a.problems.size() <= 8;
   if (command.execute == cli::survey) return at_most(a.levels, 6) && few && a.samples != "auto";
   if (command.execute == tradeoff) return rare && at_most(a.points, 3) && few && a.samples != "auto";
-  if (command.execute == validate) return (rare || a.problems.size() == 1) && a.problems.size() <= 2 && few && !a.hard;
+  if (command.execute == validate) return (rare || a.problems.size() == 1) && a.problems.size() <= 2 && few && !a.hard && !a.report;
   // a picture
   const bool small = a.size.size() <= 3 && at_most(a.spp, 4) && at_most(a.photons, 1000) && a.equal_time == "none";
   return small && a.density.size() <= 2 && (rare || !a.compare);
