@@ -392,8 +392,9 @@ void CheckpointWriter::write_whole() {
     bytes.insert(bytes.end(), record.begin(), record.end());
   }
   const std::string temporary = path_ + ".new";
+  unlink(temporary.c_str());  // of a run that was killed; never written into, since it could be another run's
   {
-    const File file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+    const File file(temporary, O_WRONLY | O_CREAT | O_EXCL);
     file.write_all(bytes);
     inode_ = file.status().st_ino;
   }
