@@ -26,6 +26,7 @@ rows = {  # name: command, demanded
     "fuzzing": ("sh tests/fuzz/run.sh 1000000 | sed 's/; .*//'", "a million inputs per target, clean"),
     "address and undefined-behaviour sanitizers": (preset("asan"), "100% tests passed"),
     "thread sanitizer": (preset("tsan"), "100% tests passed"),
+    "memory sanitizer": ("sh tests/msan.sh | grep 'tests passed'", "100% tests passed"),
     "line coverage": ("sh tests/coverage.sh | tail -1", "above 90 %"),
     "tests": (f"sh tests/run.sh | grep -E 'tests passed|Total Test time'", "100% tests passed"),
 }
