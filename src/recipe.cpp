@@ -9,6 +9,8 @@
 #include <ostream>
 #include <stdexcept>
 
+#include "core/ranks.hpp"
+
 namespace debias {
 namespace {
 
@@ -511,7 +513,9 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
     next.pilot_work = advice.pilot_work;
     next.survey = survey_within(runs, budget, pilot);
     next.pilot_work += next.survey.work;
-    next.pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    next.pilot_seconds = detail::share<double>(pilot.ranks, [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    });
     if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
       throw std::invalid_argument("recipe: base level " + std::to_string(lowest) +
                                   " (the pilot reached only level " +

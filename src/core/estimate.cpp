@@ -1,15 +1,15 @@
 #include <debias/core/estimate.hpp>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <exception>
 #include <limits>
-#include <mutex>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
+
+#include "core/ranks.hpp"
 
 namespace debias {
 namespace {
@@ -30,37 +30,15 @@ void check(const Plan& plan) {
   }
 }
 
-// The chunks of the samples that are missing, handed out in order to whoever asks.
-class Chunks {
- public:
-  Chunks(std::vector<RunState::Range> gaps, std::int64_t size) : gaps_(std::move(gaps)), size_(size) {
-    for (const auto& [first, last] : gaps_) {
-      starts_.push_back(count_);
-      count_ += (last - 1) / size - first / size + 1;
-    }
+// What all ranks of a run must have in common.
+std::string description(const Plan& plan, const std::string& estimator, std::int64_t chunk) {
+  std::string text = estimator;
+  for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, chunk,
+                               static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
+    text += ' ' + std::to_string(x);
   }
-
-  [[nodiscard]] std::int64_t count() const { return count_; }
-
-  // The samples of the next chunk; empty when there is none.
-  RunState::Range take() {
-    const std::int64_t number = next_.fetch_add(1);
-    if (number >= count_) return {0, 0};
-    const auto gap = static_cast<std::size_t>(std::upper_bound(starts_.begin(), starts_.end(), number) -
-                                              starts_.begin() - 1);
-    const auto [first, last] = gaps_[gap];
-    const std::int64_t chunk = first / size_ + (number - starts_[gap]);
-    const std::int64_t end = chunk == (last - 1) / size_ ? last : (chunk + 1) * size_;
-    return {std::max(first, chunk * size_), end};
-  }
-
- private:
-  std::vector<RunState::Range> gaps_;
-  std::vector<std::int64_t> starts_;  // the number of the first chunk of each gap
-  std::int64_t count_ = 0;
-  std::int64_t size_;
-  std::atomic<std::int64_t> next_ = 0;
-};
+  return text;
+}
 
 // Means, errors, rows and warnings from the sums of a run.
 Statistics finish(std::string estimator, std::uint64_t seed, RunState state) {
@@ -181,113 +159,126 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
 }
 
 Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body) {
-  check(plan);
   const auto start = std::chrono::steady_clock::now();
-  const std::int64_t end = plan.first + plan.samples;
-  RunState state(chunk);
-  if (plan.earlier) {
-    state.merge(*plan.earlier);
-    if (state.last() > end || (state.last() > 0 && state.first() < plan.first)) {
-      throw std::invalid_argument("Plan: samples [" + std::to_string(plan.first) + ", " + std::to_string(end) +
-                                  ") (an earlier run holds others, of [" + std::to_string(state.first()) + ", " +
-                                  std::to_string(state.last()) + ")); ask for at least those");
+  Ranks* const ranks = plan.ranks;
+  const bool leads = ranks == nullptr || ranks->leads();
+  Work work(chunk);
+  std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
+  std::int64_t chunks = 0;
+  std::vector<RunState::Range> missing;
+  const auto begin = [&] {
+    check(plan);
+    const std::int64_t end = plan.first + plan.samples;
+    RunState& state = work.state;
+    if (plan.earlier) {
+      state.merge(*plan.earlier);
+      if (state.last() > end || (state.last() > 0 && state.first() < plan.first)) {
+        throw std::invalid_argument("Plan: samples [" + std::to_string(plan.first) + ", " + std::to_string(end) +
+                                    ") (an earlier run holds others, of [" + std::to_string(state.first()) + ", " +
+                                    std::to_string(state.last()) + ")); ask for at least those");
+      }
     }
+    known = state.reopen(end);
+    missing = state.missing({plan.first, end});
+    std::int64_t accounted = state.total().moments.count;
+    for (const auto& [first, last] : missing) {
+      accounted += last - first;
+      chunks += (last - 1) / chunk - first / chunk + 1;
+    }
+    if (accounted != plan.samples) {
+      throw std::invalid_argument("Plan: the earlier run holds a part of a chunk of " + std::to_string(chunk) +
+                                  " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
+    }
+  };
+  if (ranks == nullptr) {
+    begin();
+    for (const RunState::Range& samples : missing) work.give(samples);
+    work.close();
+  } else {
+    ranks->agree(description(plan, estimator, chunk), begin);
   }
-  const double earlier_seconds = state.seconds;
-  const std::int64_t known = state.reopen(end);  // the extremes hold the samples of a cut chunk before it
-  const std::vector<RunState::Range> gaps = state.missing({plan.first, end});
-  std::int64_t accounted = state.total().moments.count;
-  for (const auto& [first, last] : gaps) accounted += last - first;
-  if (accounted != plan.samples) {
-    throw std::invalid_argument("Plan: the earlier run holds a part of a chunk of " + std::to_string(chunk) +
-                                " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
-  }
-  Chunks chunks(gaps, chunk);
-  std::atomic<std::int64_t> done = 0;
+  const double earlier_seconds = work.state.seconds;
+  if (!leads) work.state = RunState(chunk);
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
-  std::atomic<bool> stop = false;
-  std::mutex mutex;  // guards state and failure
-  const std::function<bool(std::int64_t)> no_progress;
-  std::exception_ptr failure;
-  std::int64_t failed_index = std::numeric_limits<std::int64_t>::max();
 
   // A save may not cost more than a hundredth of the run.
   double next_save = earlier_seconds + save_interval;
   const auto save = [&] {
-    const double began = seconds_now();
-    RunState finished(chunk);
-    {
-      const std::lock_guard lock(mutex);
-      state.seconds = began;
-      finished = state;
-    }
+    RunState finished = work.finished();
+    finished.seconds = seconds_now();
     plan.save(finished, plan);
     const double ended = seconds_now();
-    next_save = ended + std::max(save_interval, 100 * (ended - began));
+    next_save = ended + std::max(save_interval, 100 * (ended - finished.seconds));
+  };
+  const auto tell = [&](std::int64_t drawn) {
+    if (plan.save && seconds_now() >= next_save) save();
+    if (!plan.progress || plan.progress(drawn)) return;
+    if (plan.save && ranks != nullptr) save();  // a rank that has died says nothing any more, and all wait for it
+    throw Interrupted("estimate: interrupted by the caller");
   };
 
-  // Chunks are taken in order and a taken chunk always ends, so the smallest failing index is always found.
-  const auto work = [&](bool is_caller) {
-    const auto& progress = is_caller ? plan.progress : no_progress;
+  const auto draw = [&](bool tells) {
     Recorder recorder;
-    while (!stop.load(std::memory_order_relaxed)) {
-      const auto [first, last] = chunks.take();
+    for (;;) {
+      const auto [first, last] = work.take();
       if (first >= last) break;
       recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0);
       try {
         body(first, last, recorder);
-        const Accumulator& sums = recorder.end_chunk();
-        const std::lock_guard lock(mutex);
-        state.add_chunk(first, last, sums);
-        recorder.extremes().hand_over(state.extremes);
+        work.add({first, last}, recorder.end_chunk(), recorder.extremes());
       } catch (...) {
-        stop = true;
-        const std::lock_guard lock(mutex);
-        if (recorder.next_index() < failed_index) {
-          failed_index = recorder.next_index();
-          failure = std::current_exception();
-        }
+        work.fail(recorder.next_index(), std::current_exception());
         break;
       }
-      const std::int64_t finished = done += last - first;
-      bool go_on = true;
       try {
-        if (is_caller && plan.save && seconds_now() >= next_save) save();
-        if (progress) go_on = progress(finished);
+        if (tells) tell(work.look().drawn);
       } catch (...) {
-        stop = true;  // else the caller would wait for the rest of the run
-        throw;
-      }
-      if (!go_on) {
-        stop = true;
-        const std::lock_guard lock(mutex);
-        if (!failure) failure = std::make_exception_ptr(Interrupted("estimate: interrupted by the caller"));
+        work.interrupt(std::current_exception());
       }
     }
+    work.end_thread();
   };
 
-  const unsigned wanted =
-      plan.threads > 0 ? static_cast<unsigned>(plan.threads) : std::thread::hardware_concurrency();
-  const auto threads = std::clamp<std::int64_t>(wanted, 1, std::clamp<std::int64_t>(chunks.count(), 1, 1024));
+  const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
+  const auto threads =
+      std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : all, 1, std::clamp<std::int64_t>(chunks, 1, 1024));
   {
     std::vector<std::jthread> helpers;
-    for (std::int64_t i = 1; i < threads; ++i) helpers.emplace_back([&work] { work(false); });
-    work(true);
+    for (std::int64_t i = ranks == nullptr ? 1 : 0; i < threads; ++i) {
+      work.begin_thread();
+      try {
+        helpers.emplace_back([&draw] { draw(false); });
+      } catch (...) {  // the machine has no more threads
+        work.interrupt(std::current_exception());
+        work.end_thread();
+        break;
+      }
+    }
+    if (ranks == nullptr) {
+      work.begin_thread();
+      draw(plan.save || plan.progress);
+    } else {  // the caller serves the others, so that neither waits for a long sample of the other
+      ranks->serve(work, missing, static_cast<bool>(plan.save), tell);
+    }
   }
-  if (plan.save) save();
-  if (failure) {
+  const auto conclude = [&] {
+    if (plan.save) save();
+    work.state.seconds = seconds_now();
+  };
+  ranks == nullptr ? conclude() : ranks->end(work, conclude);
+  if (work.failure) {
     try {
-      std::rethrow_exception(failure);
+      std::rethrow_exception(work.failure);
     } catch (const Interrupted&) {
       throw;
     } catch (...) {
-      rethrow_with_sample(plan.seed, failed_index);
+      if (work.failed_index == Work::no_index) throw;
+      rethrow_with_sample(plan.seed, work.failed_index);
     }
   }
-  state.seconds = seconds_now();
-  Statistics statistics = finish(std::move(estimator), plan.seed, std::move(state));
+  Statistics statistics = finish(std::move(estimator), plan.seed, std::move(work.state));
   add_warnings(statistics);
   return statistics;
 }

@@ -26,6 +26,9 @@
 namespace debias {
 
 class RunState;
+namespace detail {
+class Ranks;  // src/core/ranks.hpp
+}
 
 /// A wish that a pilot, on streams of its own, turns into a number of samples before the run starts: at most one of
 /// the three. A run that stopped when its error looks small would stop just before the rare large sample.
@@ -54,6 +57,7 @@ struct Plan {
   std::function<void(const RunState& finished, const Plan& plan)> save = {};
   /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan.
   std::shared_ptr<const RunState> earlier = {};
+  detail::Ranks* ranks = nullptr;  ///< processes that share the samples, see mpi.hpp
 };
 
 /// Thrown when Plan::progress asks to stop: a part of a run whose end depended on the clock is not a result.

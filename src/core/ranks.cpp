@@ -1,0 +1,105 @@
+#include "core/ranks.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace debias::detail {
+
+void Work::give(const Range& samples) {
+  const std::lock_guard lock(mutex_);
+  samples_.push_back(samples);
+  more_.notify_all();
+}
+
+void Work::close() {
+  const std::lock_guard lock(mutex_);
+  closed_ = true;
+  more_.notify_all();
+}
+
+Work::Range Work::take() {
+  std::unique_lock lock(mutex_);
+  if (samples_.empty() && !closed_) {
+    ++waiting_;
+    news_pending_ = true;
+    news_.notify_one();
+    more_.wait(lock, [this] { return closed_ || !samples_.empty(); });
+    --waiting_;
+  }
+  if (samples_.empty() || samples_.front().first >= look_.limit) return {0, 0};
+  auto& [first, last] = samples_.front();
+  const std::int64_t begin = first;
+  const std::int64_t left_in_chunk = state.chunk() - begin % state.chunk();
+  first = last - begin > left_in_chunk ? begin + left_in_chunk : last;
+  const std::int64_t end = first;
+  if (first == last) samples_.pop_front();
+  return {begin, end};
+}
+
+void Work::add(const Range& samples, const Accumulator& sums, Extremes& extremes) {
+  const std::lock_guard lock(mutex_);
+  state.add_chunk(samples.first, samples.second, sums);
+  extremes.hand_over(state.extremes);
+  look_.drawn += samples.second - samples.first;
+}
+
+void Work::fail(std::int64_t index, std::exception_ptr why) {
+  const std::lock_guard lock(mutex_);
+  look_.limit = std::min(look_.limit, index);
+  if (index >= failed_index) return;
+  failed_index = index;
+  failure = std::move(why);
+}
+
+void Work::interrupt(std::exception_ptr why) {
+  const std::lock_guard lock(mutex_);
+  look_.limit = 0;
+  if (!failure) failure = std::move(why);
+}
+
+void Work::stop_at(std::int64_t index) {
+  const std::lock_guard lock(mutex_);
+  look_.limit = std::min(look_.limit, index);
+}
+
+RunState Work::finished() const {
+  const std::lock_guard lock(mutex_);
+  return state;
+}
+
+RunState Work::take_finished() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(state, RunState(state.chunk()));
+}
+
+void Work::merge(const RunState& sums) {
+  const std::lock_guard lock(mutex_);
+  state.merge(sums);
+}
+
+void Work::begin_thread() {
+  const std::lock_guard lock(mutex_);
+  ++look_.threads;
+}
+
+void Work::end_thread() {
+  const std::lock_guard lock(mutex_);
+  --look_.threads;
+  news_pending_ = true;
+  news_.notify_one();
+}
+
+Work::Look Work::look() const {
+  const std::lock_guard lock(mutex_);
+  Look now = look_;
+  now.hungry = waiting_ > 0 && samples_.empty() && !closed_;
+  return now;
+}
+
+void Work::wait(std::chrono::microseconds time) {
+  std::unique_lock lock(mutex_);
+  news_.wait_for(lock, time, [this] { return news_pending_; });
+  news_pending_ = false;
+}
+
+}  // namespace debias::detail
