@@ -25,6 +25,7 @@ may_include() {
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
     survey | diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey|diagnostics' ;;
+    mpi) echo 'core/.*' ;;
     recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|catalog|sde)/.*|[a-z_]*' ;;

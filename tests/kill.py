@@ -1,12 +1,15 @@
 """Kills `debias run --checkpoint` at random times, resumes it until it ends, and holds the result against that of the
-uninterrupted run, bit for bit; no finished sample on disk may be lost. By hand, some minutes:
-    python3 tests/kill.py PROGRAM [KILLS=300] [RUNS=40] [SEED=1]
+uninterrupted run, bit for bit; no finished sample on disk may be lost. With RANKS each start is on 1 to that many ranks of
+$MPIEXEC, of which one is killed. By hand, some minutes:
+    python3 tests/kill.py PROGRAM [KILLS=300] [RUNS=40] [SEED=1] [RANKS=1]
 """
 
+import collections
 import os
 import pathlib
 import random
 import re
+import signal
 import struct
 import subprocess
 import sys
@@ -15,8 +18,10 @@ import time
 import zlib
 
 program = os.path.abspath(sys.argv[1])
-kills_wanted, runs_wanted, seed = [int(x) for x in sys.argv[2:]] + [300, 40, 1][len(sys.argv) - 2:]
+kills_wanted, runs_wanted, seed, most_ranks = [int(x) for x in sys.argv[2:]] + [300, 40, 1, 1][len(sys.argv) - 2:]
 rng = random.Random(seed)
+for name in ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "OMPI_MCA_rmaps_base_oversubscribe"):
+    os.environ.setdefault(name, "1")
 cases = [  # and about as many samples as one thread draws in a second
     ("A03", 13e6), ("E02 --block 64", 8e4), ("D01 --estimator roulette", 25e6), ("B02 --block 256", 8e4),
     ("C01 --estimator independent_sum", 16e6), ("F01", 5.5e6), ("A10 --estimator single_term_drawn", 13e6),
@@ -24,11 +29,48 @@ cases = [  # and about as many samples as one thread draws in a second
 
 def start(words):
     out = tempfile.TemporaryFile()
+    ranks = rng.randint(1, most_ranks) if most_ranks > 1 else 1
+    launcher = [os.environ.get("MPIEXEC", "mpirun"), "-n", str(ranks)] if ranks > 1 else []
     options = ["--threads", str(rng.randint(1, 3)), "--json", "-q"]
-    return subprocess.Popen([program, *words, *options], stdout=out, stderr=subprocess.DEVNULL), out
+    process = subprocess.Popen([*launcher, program, *words, *options], stdout=out, stderr=subprocess.DEVNULL)
+    process.ranks = ranks
+    return process, out
+
+def ranks_of(process):
+    """The processes of a program, which is itself or what it has launched; none yet, or any more."""
+    if process.args[0] == program:
+        return [process.pid]
+    try:
+        below = [process.pid]  # that of MPICH has another launcher in between
+        for pid in below:
+            below += [int(x) for x in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+        return [p for p in below if os.path.realpath(f"/proc/{p}/exe") == os.path.realpath(program)]
+    except OSError:
+        return []
+
+def kill(process):
+    """One rank, as soon as all are there; the launcher ends the others. Their number; 0 where they had ended before."""
+    while process.poll() is None:
+        pids = ranks_of(process)
+        if len(pids) == process.ranks:
+            os.kill(rng.choice(pids), signal.SIGKILL)
+            return len(pids)
+        time.sleep(0.001)
+    return 0
 
 def answer(process, out):
-    code, _ = process.wait(), out.seek(0)
+    try:
+        code = process.wait(timeout=60)
+    except subprocess.TimeoutExpired:
+        pids = ranks_of(process)
+        if pids:
+            failures.append(f"hangs: {process.args}")
+        else:  # mpirun of Open MPI, where a rank is killed while it starts the others
+            launched["stuck"] += 1
+        for pid in [*pids, process.pid]:
+            os.kill(pid, signal.SIGKILL)
+        code = process.wait()
+    out.seek(0)
     times = re.compile('"(seconds|pilot_seconds|efficiency)":')
     return code, [x for x in out.read().decode().splitlines() if not times.search(x)]
 
@@ -68,6 +110,7 @@ def wait_to_kill(process, path):
         pass
     time.sleep(rng.choice([0, 0, rng.uniform(0, 0.003)]))
 
+launched = collections.Counter()  # kills by the number of ranks
 kills = runs = torn = successors = with_records = 0
 failures = []
 with tempfile.TemporaryDirectory() as folder:
@@ -80,21 +123,26 @@ with tempfile.TemporaryDirectory() as folder:
         while True:
             inode = os.stat(path).st_ino if os.path.exists(path) else None
             process, out = start(["resume", path] if inode else [*words, "--checkpoint", path])
+            ranks = 0
             if kills < quota:
                 wait_to_kill(process, path)
-                process.kill()
+                ranks = kill(process)
             ended = answer(process, out)
             records, rest = look(path)
             first, last = (records or [0])[0], (records or [0])[-1]
             if last < held or (inode and os.stat(path).st_ino != inode and first < held):
                 failures.append(f"lost: {words}, {held} samples on disk before, now {records}")
             held = last
-            if ended[0] != -9:
+            if ended[0] == 0 or ranks == 0:
                 break
+            launched.update([ranks])
             kills, torn, with_records = kills + 1, torn + (rest > 0), with_records + (held > 0)
             successors += os.path.exists(path + ".new")
         if ended != expected or expected[0] != 0:
             failures.append(f"another result: {words}, exit code {ended[0]} for {expected[0]}")
+stuck = launched.pop("stuck", 0)
+if most_ranks > 1:
+    print(*(f"{n} of {r} ranks" for r, n in sorted(launched.items())), f"launchers that did not end: {stuck}", sep="; ")
 print(f"seed {seed}: {kills} kills ({with_records} with records on disk, {torn} left a torn tail, {successors} an "
       f"unfinished new file) of {runs} runs, {len(failures)} failures", *failures, sep="\n")
 sys.exit(len(failures) > 0)

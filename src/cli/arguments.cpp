@@ -141,6 +141,7 @@ Plan read_plan(const Arguments& arguments) {
   plan.samples = arguments.samples == "auto" ? default_samples : read_int64(arguments.samples, "--samples", 1);
   plan.seed = read_seed_or_random(arguments.seed);
   plan.threads = read_threads(arguments.threads);
+  plan.ranks = arguments.ranks;
   return plan;
 }
 

@@ -56,6 +56,7 @@ struct Arguments {
   bool report = false;
   bool allow_infinite_mean = false;
   bool quiet = false;
+  debias::detail::Ranks* ranks = nullptr;  ///< that mpirun started, for run and resume
   const struct Loaded* resumed = nullptr;  ///< not typed: what `resume` has read from `checkpoint`
 };
 

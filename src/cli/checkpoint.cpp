@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "../core/checkpoint.hpp"
+#include "../core/ranks.hpp"
 #include "../core/text.hpp"
 #include "commands.hpp"
 #include "output.hpp"
@@ -72,6 +73,9 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
                               std::to_string(chunks) + " chunks of " + std::to_string(chunk) + "); take fewer shards");
 }
 
+// True on the one process that touches files.
+bool leads(const Arguments& a) { return a.ranks == nullptr || a.ranks->leads(); }
+
 // Runs what the words say from `earlier` on. `path` may be empty.
 int go_on(Arguments words_of_run, const Arguments& how, const std::string& path, std::optional<RunState> earlier,
           bool pilot, std::int64_t least_samples) {
@@ -81,6 +85,7 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
   Progress progress(how.quiet);
   Arguments asked = words_of_run;
   asked.threads = how.threads;
+  asked.ranks = how.ranks;
   std::optional<Goal> goal;
   if (!pilot && has_goal(asked)) {  // its samples are known
     Arguments wish = asked;
@@ -91,7 +96,7 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
     asked.samples = "auto";
   }
   std::optional<CheckpointWriter> writer;
-  if (!path.empty()) writer.emplace(path, text_of(words_of_run), earlier ? parts_of(*earlier) : Parts());
+  if (!path.empty() && leads(how)) writer.emplace(path, text_of(words_of_run), earlier ? parts_of(*earlier) : Parts());
   const auto prepare = [&](Plan& plan) {
     if (earlier) {
       plan.earlier = std::make_shared<RunState>(*earlier);
@@ -149,7 +154,7 @@ int run_with_checkpoint(const Arguments& arguments) {
   if (!plan.goal.asked()) w.samples = std::to_string(plan.samples);
   range_of(w, plan.samples);
   struct stat status = {};
-  if (stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode)) {
+  if (leads(arguments) && stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode)) {
     const Loaded file = load(path);
     const std::string there = text_of(file.command, file.arguments);
     throw FileError("--checkpoint '" + path + "': " +
@@ -174,6 +179,10 @@ constexpr std::array<Kept, 4> commands = {{{"validate", validate},
 
 // A command whose parts are as long as its words say.
 int resume_parts(const Loaded& file, const Arguments& arguments) {
+  if (arguments.ranks != nullptr) {
+    throw std::invalid_argument("resume: (ranks can share a run only, '" + arguments.file + "' is of `debias " +
+                                file.command + "`); start it without mpirun");
+  }
   if (has_goal(arguments) || arguments.samples != "auto") {
     throw std::invalid_argument("resume: (only a run can be made longer, '" + arguments.file + "' is of `debias " +
                                 file.command + "`); leave the wish out");
@@ -200,7 +209,7 @@ int run(const Arguments& arguments) {
 }
 
 int resume(const Arguments& arguments) {
-  Loaded loaded = load(arguments.file);
+  Loaded loaded = load(arguments.file, arguments.ranks);
   if (loaded.command != part) return resume_parts(loaded, arguments);
   LoadedRun file = run_in(arguments.file, std::move(loaded));
   Arguments w = file.arguments;

@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <debias/core/estimate.hpp>
 
+#include "../core/ranks.hpp"
 #include "../core/text.hpp"
 #include "commands.hpp"
 #include "output.hpp"
@@ -333,9 +334,22 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
   return chosen(app, commands);
 }
 
-int dispatch(int argc, const char* const* argv) {
-  const auto command = read_command_line(argc, argv);
-  return command ? command->execute(command->arguments) : done;
+int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
+  auto command = read_command_line(argc, argv);
+  if (!command) return done;
+  Arguments& arguments = command->arguments;
+  if (ranks != nullptr) {
+    if (command->execute != run && command->execute != resume) {
+      throw std::invalid_argument("mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start "
+                                  "it without mpirun");
+    }
+    arguments.ranks = ranks;
+    if (arguments.seed == "random") {
+      const auto draw = [&] { return read_plan(arguments).seed; };
+      arguments.seed = std::to_string(debias::detail::share<std::uint64_t>(ranks, draw));
+    }
+  }
+  return command->execute(arguments);
 }
 
 int exit_code_of_current_exception() {

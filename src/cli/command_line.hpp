@@ -17,8 +17,8 @@ struct Command {
 /// std::invalid_argument for words that it does not have; their values are read by the command.
 std::optional<Command> read_command_line(int argc, const char* const* argv);
 
-/// Reads and executes; the exit code.
-int dispatch(int argc, const char* const* argv);
+/// Reads and executes; the exit code. Ranks share what a run draws.
+int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks = nullptr);
 
 /// Says on standard error what is wrong; the exit code. Within a catch block.
 int exit_code_of_current_exception();

@@ -1,12 +1,21 @@
+#include <exception>
+
 #include "command_line.hpp"
+#include "launch.hpp"
 #include "output.hpp"
 
 int main(int argc, char** argv) {
-  debias::cli::keep_standard_streams();
-  debias::cli::watch_signals();
+  using namespace debias::cli;
+  keep_standard_streams();
+  watch_signals();
   try {
-    return debias::cli::dispatch(argc, argv);
+    Launch launch(&argc, &argv);
+    try {
+      return launch.leave(dispatch(argc, argv, launch.ranks()), nullptr);
+    } catch (...) {
+      return launch.leave(exit_code_of_current_exception(), std::current_exception());
+    }
   } catch (...) {
-    return debias::cli::exit_code_of_current_exception();
+    return exit_code_of_current_exception();
   }
 }

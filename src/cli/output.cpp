@@ -23,12 +23,21 @@ namespace {
 volatile std::sig_atomic_t signalled = 0;
 volatile std::sig_atomic_t line_visible = 0;
 
+bool silent = false;
+
 constexpr std::string_view erase_line = "\r\033[K";
 constexpr std::string_view farewell =
     "debias: interrupted; no result, since a run that the clock ended would be biased\n";
 
 void write_stderr(std::string_view text) {
   [[maybe_unused]] const auto n = write(2, text.data(), text.size());
+}
+
+volatile std::sig_atomic_t farewell_said = 0;
+
+void say_farewell() {
+  if (!silent && farewell_said == 0) write_stderr(farewell);
+  farewell_said = 1;
 }
 
 // Deep in a level of 2^60 draws nobody looks at the flag, so an alarm ends what has not ended in a second.
@@ -38,7 +47,7 @@ extern "C" void on_signal(int) {
 }
 extern "C" void on_alarm(int) {
   if (line_visible != 0) write_stderr(erase_line);
-  write_stderr(farewell);
+  say_farewell();
   _exit(interrupted_by_signal);
 }
 
@@ -46,14 +55,15 @@ std::string reason() { return errno != 0 ? std::strerror(errno) : "cannot be wri
 
 }  // namespace
 
-Output::Output(const std::string& path) : path_(path) {
-  if (path.empty()) return;
+Output::Output(const std::string& path) : path_(silent ? "" : path) {
+  if (path_.empty()) return;
   errno = 0;
   file_.open(path, std::ios::binary | std::ios::app);
   if (!file_) throw FileError("-o '" + path + "': " + reason());
 }
 
 void Output::flush() {
+  if (silent) return;
   std::ostream& target = is_file() ? file_ : std::cout;
   errno = 0;
   if (is_file() && !std::exchange(emptied_, true)) {
@@ -79,7 +89,7 @@ void keep_apart(const std::string& output, const std::string& file) {
   throw std::invalid_argument("-o '" + output + "', '" + file + "' (one file for two things); choose another name");
 }
 
-Progress::Progress(bool quiet) : terminal_(!quiet && isatty(STDERR_FILENO) != 0) {}
+Progress::Progress(bool quiet) : terminal_(!quiet && !silent && isatty(STDERR_FILENO) != 0) {}
 
 bool Progress::due() {
   if (!terminal_ || Clock::now() < next_) return false;
@@ -135,11 +145,14 @@ void watch_signals() {
 bool interrupted() { return signalled != 0; }
 
 int say_interrupted() {
-  write_stderr(farewell);
+  say_farewell();
   return interrupted_by_signal;
 }
 
+void be_silent() { silent = true; }
+
 void complain(std::string_view message) {
+  if (silent) return;
   std::string line = "debias: " + std::string(message);
   for (char& c : line) {
     if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';

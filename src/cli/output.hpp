@@ -94,6 +94,9 @@ bool interrupted();
 /// The message that goes with it, and the exit code.
 int say_interrupted();
 
+/// From here on this process writes nothing, anywhere: another one speaks for it.
+void be_silent();
+
 /// `debias: message` on standard error, as one line whatever the message holds.
 void complain(std::string_view message);
 

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "../core/ranks.hpp"
 #include "output.hpp"
 
 namespace debias::cli {
@@ -115,13 +116,20 @@ std::string text_of(const std::string& command, const Arguments& a) {
   return text;
 }
 
-Loaded load(const std::string& path) {
+Loaded load(const std::string& path, debias::detail::Ranks* ranks) {
   try {
-    Checkpoint file = read_checkpoint(path);
-    if (file.dropped > 0) {
-      complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
-               " bytes are no whole record and are left out");
-    }
+    const auto read = [&] {
+      Checkpoint file = read_checkpoint(path);
+      if (file.dropped > 0) {
+        complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
+                 " bytes are no whole record and are left out");
+      }
+      return file;
+    };
+    Checkpoint file = ranks == nullptr ? read() : parse_checkpoint(ranks->share([&] {
+      const Checkpoint whole = read();
+      return encode(whole.text, whole.parts);
+    }));
     auto [command, arguments] = words_of(file.text);
     return {std::move(command), std::move(arguments), std::move(file.parts)};
   } catch (const std::invalid_argument& e) {

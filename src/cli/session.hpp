@@ -26,8 +26,8 @@ struct Loaded {
   Arguments arguments;
   Parts parts;
 };
-/// Throws FileError; says where the tail is torn.
-Loaded load(const std::string& path);
+/// Throws FileError; says where the tail is torn. The leading one of `ranks` reads for all.
+Loaded load(const std::string& path, debias::detail::Ranks* ranks = nullptr);
 
 class Session {
  public:

@@ -36,10 +36,13 @@ struct Checkpoint {
 Checkpoint parse_checkpoint(std::span<const std::byte> bytes);
 /// Throws std::system_error where the file cannot be read, std::invalid_argument as parse_checkpoint.
 Checkpoint read_checkpoint(const std::string& path);
+/// The bytes of a file that holds these.
+Bytes encode(const std::string& text, const Parts& parts);
 
 /// The sums of a run as the contents of a part, and back; the second throws std::invalid_argument for bytes that are none.
+/// Sums that are not `whole` have left out of their tails what earlier ones, to be merged with them, made superfluous.
 Bytes encode(RunState state);
-RunState decode(std::span<const std::byte> bytes);
+RunState decode(std::span<const std::byte> bytes, bool whole = true);
 
 /// Writes the records of one file. All members throw std::system_error where the disk refuses.
 class CheckpointWriter {
