@@ -153,6 +153,8 @@ std::string nearest_name(std::string_view text, std::span<const std::string_view
   std::string_view nearest;
   std::size_t best = 4;  // more than three edits are no typing error
   for (const std::string_view name : names) {
+    // No fewer edits than the lengths differ by: a text of any length is done with at once.
+    if (std::max(text.size(), name.size()) - std::min(text.size(), name.size()) >= best) continue;
     const std::size_t distance = edit_distance(text, name);
     if (distance < best && 2 * distance <= std::max(text.size(), name.size())) {
       best = distance;
