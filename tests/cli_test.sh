@@ -181,6 +181,15 @@ sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --law "$law" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
 check "the law of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
+"$debias" run A10 --law auto --samples 1e4 > run.txt
+largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
+eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
+check "the replay that a recipe prints is a command" \
+  same "$(sed -n 's/^value  *//p' out | xargs printf '%.6g')" "${largest% *}"
+"$debias" run A01 --samples 1000 --confidence 0.9 > out
+check "another confidence has a line of its own" has '^interval  *90 % \[' out
+"$debias" run B01 --estimator ratio_tracking --samples 1000 > out
+check "an estimator of one problem says what it is" has '^declared  *one term of the power series about a majorant' out
 "$debias" run A01 --error 0.001 --json > out
 check "a goal is met" same $? 0
 check "a goal says so" has '"met": true' out
