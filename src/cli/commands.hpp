@@ -176,9 +176,11 @@ MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& ar
 AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 Replay replay_of(const catalog::Problem& problem, const Arguments& arguments);
 SurveyOf survey_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
-/// What is complete, where `watch` ends it; `prepare` has the last word on the plan of a law.
-Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                     const std::function<void(const AnyPmf& law, Plan&)>& prepare = {});
+/// What is complete, where `watch` ends it.
+Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+/// The same; `prepare` has the last word on the plan of a law.
+Tradeoff prepared_tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                              const std::function<void(const AnyPmf& law, Plan&)>& prepare);
 
 void print(std::ostream& out, const Run& run);
 void print(std::ostream& out, const MultilevelRun& run);

@@ -112,8 +112,12 @@ void print_csv(std::ostream& out, const Tradeoff& t) {
 
 }  // namespace
 
-Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                     const std::function<void(const AnyPmf& law, Plan&)>& prepare) {
+Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
+  return prepared_tradeoff_of(problem, arguments, watch, [](const AnyPmf&, Plan&) {});
+}
+
+Tradeoff prepared_tradeoff_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                              const std::function<void(const AnyPmf& law, Plan&)>& prepare) {
   const Family& family = family_of(arguments.family);
   const std::int64_t count = read_points(arguments.points);
   const catalog::Choice shape = read_shape(arguments, problem);
@@ -156,7 +160,7 @@ Tradeoff tradeoff_of(const catalog::Problem& problem, const Arguments& arguments
         choice.law = point.law;
         Plan run = plan;
         run.samples = std::max<std::int64_t>(2, plan.samples / shape.block);
-        if (prepare) prepare(point.law, run);
+        prepare(point.law, run);
         measure(point, choice, run, problem);
       }
       t.points.push_back(std::move(point));
@@ -219,7 +223,7 @@ int tradeoff(const Arguments& arguments) {
   const auto prepare = [&](const AnyPmf& law, Plan& plan) { session.attach(plan, law.spec()); };
   Tradeoff t;
   try {
-    t = tradeoff_of(problem, words, watch_on(progress), prepare);
+    t = prepared_tradeoff_of(problem, words, watch_on(progress), prepare);
   } catch (const Interrupted&) {
     session.suspend();
     throw;
