@@ -30,9 +30,11 @@ using debias::detail::Work;
 using Clock = std::chrono::steady_clock;
 using std::chrono::microseconds;
 
-// A rank that has nothing to say looks for messages after these times, twice as long each time.
+// A rank looks for messages after these times, twice as long each time: rank 0, and one that waits for it, up
+// to the second, one whose threads are busy up to the third.
 constexpr microseconds shortest_pause{20};
 constexpr microseconds longest_pause{1000};
+constexpr microseconds longest_busy_pause{10'000};
 
 enum Tag : int { news_tag = 1, sums_tag, order_tag };
 
@@ -416,7 +418,8 @@ void Communicator::exchange(Work& work, const std::vector<Work::Range>& samples,
         continue;  // and says so
       }
     }
-    pause = urgent || heard ? shortest_pause : std::min(2 * pause, longest_pause);
+    const bool busy = !leads() && !waits && !ended;
+    pause = urgent || heard ? shortest_pause : std::min(2 * pause, busy ? longest_busy_pause : longest_pause);
     if (!over) work.wait(pause);
   }
 }
