@@ -156,8 +156,7 @@ constexpr std::size_t bulk = 2 * lanes * chains;
   }
 }
 
-// Rows of one number a stream: row t holds the numbers at `position` + t. The keys may be read up to the next multiple
-// of eight.
+// Rows of one number a stream: row t holds the numbers at `position` + t.
 [[gnu::target("avx512f,avx512dq,avx512vl,avx512ifma")]] void fill_rows(std::uint64_t position, std::uint64_t index,
                                                                        const std::uint64_t* keys, std::size_t size,
                                                                        std::span<double> out) {
@@ -168,15 +167,20 @@ constexpr std::size_t bulk = 2 * lanes * chains;
   const std::size_t units = (skipped + rows + 1) / 2 * groups;   // blocks of eight streams
   for (std::size_t u = 0; u < units; u += chains) {
     Blocks x;
+    std::size_t members[chains];
+    __mmask8 masks[chains];
     for (std::size_t c = 0; c < chains; ++c) {  // beyond the last: numbers that are not stored
+      members[c] = lanes * ((u + c) % groups);
+      const std::size_t left = size - members[c];
+      masks[c] = static_cast<__mmask8>(left >= lanes ? 0xff : (1 << left) - 1);
       x.first[c] = _mm512_set1_epi64(static_cast<long long>(first + (u + c) / groups));
       x.second[c] = _mm512_set1_epi64(static_cast<long long>(index));
-      x.key[c] = _mm512_loadu_si512(keys + lanes * ((u + c) % groups));
+      x.key[c] = _mm512_maskz_loadu_epi64(masks[c], keys + members[c]);
     }
     philox(x);
     for (std::size_t c = 0; c < chains && u + c < units; ++c) {
-      const std::size_t member = lanes * ((u + c) % groups);
-      const auto mask = static_cast<__mmask8>(size - member >= lanes ? 0xff : (1 << (size - member)) - 1);
+      const std::size_t member = members[c];
+      const __mmask8 mask = masks[c];
       const std::size_t row = 2 * ((u + c) / groups);  // of the first number, from the first of the block on
       if (row >= skipped) _mm512_mask_storeu_pd(&out[(row - skipped) * size + member], mask, to_uniforms(x.first[c]));
       if (row + 1 - skipped < rows) {
