@@ -1,4 +1,4 @@
-// Checkpoints of any bytes. The first byte chooses: the file as it is, or its text and records within a right header and
+// Checkpoints of any bytes. The first byte chooses: the file as it is, or its text and records in a right header with
 // right checksums, or the contents of one part: the sums of a run, of an image, of a photon image. What is accepted is
 // written again to the same bytes, and goes through everything that is done with it.
 
@@ -66,7 +66,8 @@ void read_file(std::span<const std::byte> bytes) {
 Bytes file_of(std::span<const std::byte> text, std::span<const std::byte> records) {
   ByteWriter w;
   for (const char c : std::string_view("DEBIASCP")) w.number(static_cast<unsigned char>(c));
-  for (const std::uint32_t number : {2U, 0x01020304U, static_cast<std::uint32_t>(Stream::layout_version)}) w.number(number);
+  constexpr auto layout = static_cast<std::uint32_t>(Stream::layout_version);
+  for (const std::uint32_t number : {2U, 0x01020304U, layout}) w.number(number);
   w.text({reinterpret_cast<const char*>(text.data()), text.size()});
   w.number(crc32(w.bytes));
   ByteReader r(records);

@@ -178,7 +178,9 @@ bool little_work(const Command& command, bool rare) {
   if (command.execute == cli::merge) return a.problems.size() <= 8;
   if (command.execute == cli::survey) return at_most(a.levels, 6) && few && a.samples != "auto";
   if (command.execute == tradeoff) return rare && at_most(a.points, 3) && few && a.samples != "auto";
-  if (command.execute == validate) return (rare || a.problems.size() == 1) && a.problems.size() <= 2 && few && !a.hard && !a.report;
+  if (command.execute == validate) {
+    return (rare || a.problems.size() == 1) && a.problems.size() <= 2 && few && !a.hard && !a.report;
+  }
   // a picture
   const bool small = a.size.size() <= 3 && at_most(a.spp, 4) && at_most(a.photons, 1000) && a.equal_time == "none";
   return small && a.density.size() <= 2 && (rare || !a.compare);
