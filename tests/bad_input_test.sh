@@ -42,7 +42,7 @@ ended 5 pipe render transmittance --volume pipe --dims 1x1x1 -o image.pfm
 ended 5 /dev/zero render transmittance --volume /dev/zero --dims 1x1x1 -o image.pfm
 ended 2 sparse render transmittance --volume sparse --dims 1x1x1 -o image.pfm
 # a sanitizer has no addresses left, and dies of an allocation that is too large
-if (ulimit -v 100000 && "$debias" --version) > /dev/null 2>&1; then
+if { (ulimit -v 100000 && "$debias" --version); } > /dev/null 2>&1; then
   ended 1 'out of memory' render transmittance --volume sparse --dims 8192x8192x4096 -o image.pfm
 fi
 check "nothing is written of them" [ ! -s image.pfm ]
