@@ -23,6 +23,8 @@ def preset(name):
 rows = {  # name: command, demanded
     "self": (f"'{program}' validate --report --samples 1e6 --json", ""),
     "kills": (f"python3 tests/kill.py '{program}' 300 40", "0 failures"),
+    "kills of one of 1, 2, 3 MPI ranks": (f"python3 tests/kill.py '{program}' 60 8 1 3", "0 failures"),
+    "two MPI ranks against one process": (f"python3 bench/ranks.py '{program}'", "1.85 times, heavy-tailed work"),
     "fuzzing": ("sh tests/fuzz/run.sh 1000000 | sed 's/; .*//'", "a million inputs per target, clean"),
     "address and undefined-behaviour sanitizers": (preset("asan"), "100% tests passed"),
     "thread sanitizer": (preset("tsan"), "100% tests passed"),
