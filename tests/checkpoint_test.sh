@@ -75,7 +75,31 @@ check "nor is another one" refused_by 5 "another run" run A03 --samples 1e3 --se
 check "nor is a file of another kind" refused_by 5 "no checkpoint" run A03 --checkpoint empty
 check "samples are not thrown away" refused_by 2 "ask for more" resume t --samples 500
 check "two wishes" refused_by 2 "leave one out" resume t --samples 5000 --error 1
-check "a recipe has stages" refused_by 2 "law auto" run A03 --law auto --checkpoint r
+
+# ---- a pilot chooses the law: the file is that of the very run, once it has begun
+without_recipe() { sed -E '/^  "recipe": \{/,/^  \}/d; /^  "recipe": null/d'; }
+word() { grep -a "^$1=" "$2" | cut -d= -f2-; }
+chosen() {
+  shape="--estimator $(word estimator "$1") --law $(word law "$1") --base-level $(word base_level "$1") --block $(word block "$1")"
+}
+recipe=$(answer run A03 --law auto --samples 2e5)
+check "a recipe says the same with a checkpoint" same "$(answer run A03 --law auto --samples 2e5 --checkpoint r)" "$recipe"
+check "it is said again, but for its pilot" same "$(answer resume r | without_recipe)" "$(echo "$recipe" | without_recipe)"
+chosen r
+check "it grows under its law" same "$(answer resume r --samples 5000)" "$(answer run A03 $shape --samples 5000)"
+answer run E02 --law auto --error 0.1 --checkpoint rg > /dev/null
+chosen rg
+check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.05)" "$(answer run E02 $shape --error 0.05)"
+for i in 1 2; do answer run A03 --law auto --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
+check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe)" "$(echo "$recipe" | without_recipe)"
+recipe=$(answer run E02 --law auto --samples 2e7)
+"$debias" run E02 --law auto --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
+pid=$!
+tries=0
+while [ $tries -lt 100 ] && ! grep -aq "^law=tabulated" rk 2>/dev/null; do sleep 0.02; tries=$((tries + 1)); done
+kill -9 $pid 2>/dev/null
+wait $pid 2>/dev/null
+check "a recipe killed in its run goes on" same "$(answer resume rk --threads 2 | without_recipe)" "$(echo "$recipe" | without_recipe)"
 
 # ---- shards
 for samples in 1000 4096 4097 50000 200000; do
@@ -119,6 +143,11 @@ interrupted_twin() {
 interrupted_twin v validate A01 B02 --samples 6e5
 check "validate goes on" same "$(bare v.resumed)" "$(bare v.whole)"
 check "with all its cells" same "$(lines v.resumed)" "$(lines v.whole)"
+interrupted_twin m run E02 --estimator multilevel --error 0.01
+check "multilevel goes on" same "$(bare m.resumed)" "$(bare m.whole)"
+check "its levels are not merged" refused_by 5 "multilevel" merge m m
+check "and do not grow" refused_by 2 "only a run" resume m --error 0.001
+check "nor have they shards" refused_by 2 "multilevel decides" run E02 --estimator multilevel --error 1 --shard 1/2 --checkpoint p
 interrupted_twin w tradeoff A10 --samples 4e5 --points 5
 check "tradeoff goes on" same "$(bare w.resumed)" "$(bare w.whole)"
 interrupted_twin c render transmittance --size 64x64 --spp 400 -o c.pfm

@@ -26,19 +26,25 @@ namespace debias::cli {
 namespace {
 
 const std::string part = "run";
+constexpr std::string_view multilevel = "multilevel";
 
-Parts parts_of(const RunState& state) { return {{part, encode(state)}}; }
-
-struct LoadedRun {
-  Arguments arguments;
+struct KeptRun {
+  Arguments words;
   std::optional<RunState> state;
 };
 
-LoadedRun run_in(const std::string& path, Loaded file) {
-  if (file.command != "run") {
-    throw FileError("'" + path + "': of `debias " + file.command + "`; only the shards of a run can be merged");
-  }
-  LoadedRun run{std::move(file.arguments), std::nullopt};
+Parts parts_of(const RunState& state) { return {{part, encode(state)}}; }
+
+// True for a command whose parts are as long as its words say: any but the run of one estimator.
+bool has_parts(const Loaded& file) { return file.command != "run" || file.arguments.estimator == multilevel; }
+
+std::string command_of(const Loaded& file) {
+  return "`debias " + file.command + (file.command == "run" && has_parts(file) ? " --estimator multilevel" : "") + "`";
+}
+
+KeptRun run_in(const std::string& path, Loaded file) {
+  if (has_parts(file)) throw FileError("'" + path + "': of " + command_of(file) + "; only the shards of a run can be merged");
+  KeptRun run{std::move(file.arguments), std::nullopt};
   const auto contents = file.parts.find(part);
   if (contents == file.parts.end()) return run;
   try {
@@ -49,7 +55,16 @@ LoadedRun run_in(const std::string& path, Loaded file) {
   return run;
 }
 
-std::string text_of(const Arguments& a) { return text_of(part, a); }
+std::string text_of(const Arguments& a) { return text_of("run", a); }
+
+// The estimator, with nothing left to what is declared or to a pilot.
+void spell_out(Arguments& words, const catalog::Choice& choice) {
+  words.estimator = std::string(name_of(choice));
+  if (!choice.special.empty()) return;
+  if (!law_text(choice).empty()) words.law = law_text(choice);
+  words.base_level = std::to_string(choice.base_level);
+  words.block = std::to_string(choice.block);
+}
 
 bool has_goal(const Arguments& a) { return a.error != "none" || a.relative_error != "none" || a.time != "none"; }
 
@@ -76,14 +91,14 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
 // True on the one process that touches files.
 bool leads(const Arguments& a) { return a.ranks == nullptr || a.ranks->leads(); }
 
-// Runs what the words say from `earlier` on. `path` may be empty.
-int go_on(Arguments words_of_run, const Arguments& how, const std::string& path, std::optional<RunState> earlier,
-          bool pilot, std::int64_t least_samples) {
-  const catalog::Problem& problem = catalog::find(words_of_run.problem);
+// Runs what the words say from the state on. `path` may be empty. A `pilot` fixes the samples. The words on disk are those
+// of the command until the first samples are there, and then those of the very run: its law and its samples.
+int go_on(KeptRun run, const Arguments& how, const std::string& path, bool pilot, std::int64_t least_samples) {
+  const catalog::Problem& problem = catalog::find(run.words.problem);
   keep_apart(how.output, path);
   Output out(how.output);
   Progress progress(how.quiet);
-  Arguments asked = words_of_run;
+  Arguments asked = run.words;
   asked.threads = how.threads;
   asked.ranks = how.ranks;
   std::optional<Goal> goal;
@@ -96,22 +111,24 @@ int go_on(Arguments words_of_run, const Arguments& how, const std::string& path,
     asked.samples = "auto";
   }
   std::optional<CheckpointWriter> writer;
-  if (!path.empty() && leads(how)) writer.emplace(path, text_of(words_of_run), earlier ? parts_of(*earlier) : Parts());
-  const auto prepare = [&](Plan& plan) {
-    if (earlier) {
-      plan.earlier = std::make_shared<RunState>(*earlier);
+  if (!path.empty() && leads(how)) writer.emplace(path, text_of(run.words), run.state ? parts_of(*run.state) : Parts());
+  const auto prepare = [&](const catalog::Choice& choice, const Advice* advice, Plan& plan) {
+    if (run.state) {
+      plan.earlier = std::make_shared<RunState>(*run.state);
       if (pilot) plan.samples = least_samples;
     }
+    const std::int64_t samples = plan.samples;
     if (!pilot) {
-      const auto [first, last] = range_of(asked, plan.samples);
+      const auto [first, last] = range_of(asked, samples);
       plan.first = first;
       plan.samples = last - first;
     }
+    if (advice != nullptr) spell_out(run.words, choice);
     if (!writer) return;
-    plan.save = [&, named = !pilot](const RunState& state, const Plan& now) mutable {
+    plan.save = [&, samples, named = !pilot && advice == nullptr](const RunState& state, const Plan& now) mutable {
       if (named) return writer->save(parts_of(state));
-      words_of_run.samples = std::to_string(now.samples);
-      writer.emplace(path, text_of(words_of_run), parts_of(state));
+      run.words.samples = std::to_string(pilot ? now.samples : samples);
+      writer.emplace(path, text_of(run.words), parts_of(state));
       named = true;
     };
   };
@@ -133,23 +150,15 @@ int run_with_checkpoint(const Arguments& arguments) {
   if (path.empty()) {
     throw std::invalid_argument("--shard (its part is of use only in a file); write --checkpoint FILE");
   }
-  if (wants_recipe(arguments) || arguments.estimator == "multilevel") {
-    throw std::invalid_argument(
-        "--checkpoint: (a run with --law auto or multilevel has stages that it does not keep); run with the law that "
-        "`debias run --law auto` prints");
-  }
   if (!arguments.shard.empty() && has_goal(arguments)) {
     throw std::invalid_argument("--shard (a goal fixes the samples late, and shards share them); write --samples");
   }
   const catalog::Problem& problem = catalog::find(arguments.problem);
-  const catalog::Choice choice = read_choice(arguments, problem);
   const Plan plan = read_plan(arguments);
   Arguments w = arguments;
   w.output.clear();
   w.problem = problem.id;
-  w.estimator = std::string(name_of(choice));
-  if (!law_text(choice).empty()) w.law = law_text(choice);
-  if (choice.special.empty()) w.base_level = std::to_string(choice.base_level);
+  wants_recipe(arguments) ? void(read_recipe(arguments, problem)) : spell_out(w, read_choice(arguments, problem));
   w.seed = std::to_string(plan.seed);
   if (!plan.goal.asked()) w.samples = std::to_string(plan.samples);
   range_of(w, plan.samples);
@@ -162,7 +171,7 @@ int run_with_checkpoint(const Arguments& arguments) {
                                          : "holds another run; choose another name"));
   }
   try {
-    return go_on(w, arguments, path, std::nullopt, plan.goal.asked(), 0);
+    return go_on({w, std::nullopt}, arguments, path, plan.goal.asked(), 0);
   } catch (const std::system_error& e) {
     throw FileError(std::string("--checkpoint: ") + e.what());
   }
@@ -172,20 +181,20 @@ struct Kept {
   const char* name;
   int (*execute)(const Arguments&);
 };
-constexpr std::array<Kept, 4> commands = {{{"validate", validate},
+constexpr std::array<Kept, 5> commands = {{{"run", run_multilevel},
+                                           {"validate", validate},
                                            {"tradeoff", tradeoff},
                                            {"render transmittance", render_transmittance},
                                            {"render photons", render_photons}}};
 
-// A command whose parts are as long as its words say.
 int resume_parts(const Loaded& file, const Arguments& arguments) {
   if (arguments.ranks != nullptr) {
-    throw std::invalid_argument("resume: (ranks can share a run only, '" + arguments.file + "' is of `debias " +
-                                file.command + "`); start it without mpirun");
+    throw std::invalid_argument("resume: (ranks can share a run of one estimator only, '" + arguments.file + "' is of " +
+                                command_of(file) + "); start it without mpirun");
   }
   if (has_goal(arguments) || arguments.samples != "auto") {
-    throw std::invalid_argument("resume: (only a run can be made longer, '" + arguments.file + "' is of `debias " +
-                                file.command + "`); leave the wish out");
+    throw std::invalid_argument("resume: (only a run can be made longer, '" + arguments.file + "' is of " +
+                                command_of(file) + "); leave the wish out");
   }
   for (const Kept& command : commands) {
     if (file.command != command.name) continue;
@@ -205,14 +214,15 @@ int resume_parts(const Loaded& file, const Arguments& arguments) {
 }  // namespace
 
 int run(const Arguments& arguments) {
+  if (arguments.estimator == multilevel) return run_multilevel(arguments);
   return arguments.checkpoint.empty() && arguments.shard.empty() ? run_at_once(arguments) : run_with_checkpoint(arguments);
 }
 
 int resume(const Arguments& arguments) {
   Loaded loaded = load(arguments.file, arguments.ranks);
-  if (loaded.command != part) return resume_parts(loaded, arguments);
-  LoadedRun file = run_in(arguments.file, std::move(loaded));
-  Arguments w = file.arguments;
+  if (has_parts(loaded)) return resume_parts(loaded, arguments);
+  KeptRun file = run_in(arguments.file, std::move(loaded));
+  Arguments w = file.words;
   const bool new_goal = has_goal(arguments);
   const bool new_samples = arguments.samples != "auto";
   if ((new_goal || new_samples) && !w.shard.empty()) {
@@ -237,48 +247,48 @@ int resume(const Arguments& arguments) {
     }
   }
   std::int64_t least = 0;
-  if (file.arguments.samples != "auto") {
+  if (file.words.samples != "auto") {
     least = static_cast<std::int64_t>(
-        parse_count(file.arguments.samples, "samples", 1, std::numeric_limits<std::int64_t>::max()));
+        parse_count(file.words.samples, "samples", 1, std::numeric_limits<std::int64_t>::max()));
   }
+  file.words = std::move(w);
   try {
-    return go_on(w, arguments, arguments.file, std::move(file.state), pilot, least);
+    return go_on(std::move(file), arguments, arguments.file, pilot, least);
   } catch (const std::system_error& e) {
     throw FileError(e.what());
   }
 }
 
 int merge(const Arguments& arguments) {
-  std::optional<RunState> whole;
-  Arguments w;
+  KeptRun whole;
   std::string text;
   for (const std::string& path : arguments.problems) {
     keep_apart(arguments.output, path);
-    LoadedRun shard = run_in(path, load(path));
-    shard.arguments.shard.clear();
+    KeptRun shard = run_in(path, load(path));
+    shard.words.shard.clear();
     if (text.empty()) {
-      w = shard.arguments;
-      text = text_of(w);
-    } else if (text != text_of(shard.arguments)) {
+      whole.words = shard.words;
+      text = text_of(whole.words);
+    } else if (text != text_of(shard.words)) {
       throw FileError("'" + path + "': of another run than '" + arguments.problems.front() +
                       "': " + "problem, options, seed and samples must be the same");
     }
     if (!shard.state) continue;
-    if (!whole) {
-      whole = std::move(shard.state);
+    if (!whole.state) {
+      whole.state = std::move(shard.state);
       continue;
     }
     try {
-      whole->merge(*shard.state);
+      whole.state->merge(*shard.state);
     } catch (const std::invalid_argument& e) {
       throw FileError("'" + path + "': " + e.what());
     }
   }
-  if (w.samples == "auto" || !whole) throw FileError("merge: none of the files has a finished sample");
-  Arguments asked = w;
+  if (whole.words.samples == "auto" || !whole.state) throw FileError("merge: none of the files has a finished sample");
+  Arguments asked = whole.words;
   asked.error = asked.relative_error = asked.time = "none";
   const std::int64_t samples = read_plan(asked).samples;
-  const auto gaps = whole->missing({0, samples});
+  const auto gaps = whole.state->missing({0, samples});
   if (!gaps.empty()) {
     std::string missing;
     for (std::size_t i = 0; i < gaps.size() && i < 4; ++i) {
@@ -289,7 +299,7 @@ int merge(const Arguments& arguments) {
                     " are missing; add the other shards, or finish them with `debias resume`");
   }
   try {
-    return go_on(w, arguments, arguments.checkpoint, std::move(whole), false, 0);
+    return go_on(std::move(whole), arguments, arguments.checkpoint, false, 0);
   } catch (const std::system_error& e) {
     throw FileError(std::string("--checkpoint: ") + e.what());
   }

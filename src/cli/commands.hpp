@@ -165,14 +165,18 @@ struct Diagnosis {
 };
 
 Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
-/// The same; `prepare` has the last word on the plan.
+/// The same; `prepare` has the last word on the plan, once the estimator is chosen, by an advice or else by the words.
 Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                    const std::function<void(Plan&)>& prepare);
+                    const std::function<void(const catalog::Choice&, const Advice*, Plan&)>& prepare);
 /// Prints the result; the exit code.
 int finish(const Run& run, const Arguments& arguments, class Output& out);
-/// `run` without `--checkpoint` or `--shard`.
+/// `run` without `--checkpoint` or `--shard`, and `run --estimator multilevel`.
 int run_at_once(const Arguments& arguments);
+int run_multilevel(const Arguments& arguments);
 MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
+/// The same; `prepare` has the last word on the plan of the draws of a level.
+MultilevelRun prepared_multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                                     const std::function<void(std::int64_t level, Plan&)>& prepare);
 AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);
 Replay replay_of(const catalog::Problem& problem, const Arguments& arguments);
 SurveyOf survey_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch);

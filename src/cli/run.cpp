@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "session.hpp"
 
 namespace debias::cli {
 namespace {
@@ -37,22 +38,6 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
   v.finite_work = true;
   v.sentence = "one level only: its bias is no part of the standard error";
   return v;
-}
-
-int run_multilevel(const Arguments& arguments, const catalog::Problem& problem) {
-  Output out(arguments.output);
-  Progress progress(arguments.quiet);
-  const MultilevelRun result = multilevel_of(problem, arguments, watch_on(progress));
-  progress.erase();
-  if (arguments.json) {
-    out.stream() << multilevel_json(result) << '\n';
-  } else {
-    print(out.stream(), result);
-  }
-  out.flush();
-  if (result.statistics.converged) return done;
-  complain("the goal is missed: the levels are not enough");
-  return goal_missed;
 }
 
 }  // namespace
@@ -94,8 +79,13 @@ void print(std::ostream& out, const Run& run) {
                  std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
 }
 
-// The biased baseline with a driver of its own: a target error instead of samples.
 MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
+  return prepared_multilevel_of(problem, arguments, watch, [](std::int64_t, Plan&) {});
+}
+
+// The biased baseline with a driver of its own: a target error instead of samples.
+MultilevelRun prepared_multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
+                                     const std::function<void(std::int64_t level, Plan&)>& prepare) {
   Plan plan = read_plan(arguments);
   if (!(plan.goal.error > 0)) {
     throw std::invalid_argument("--estimator multilevel (takes its draws from --error); write --error 0.01");
@@ -107,7 +97,12 @@ MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& ar
   plan.progress = [&](std::int64_t finished) {
     return watch(problem.id + ": level by level", static_cast<double>(finished), 0);
   };
-  return {&problem, multilevel(problem.levels, plan.goal.error, plan)};
+  LevelRuns levels = problem.levels;
+  levels.draw = [&](std::int64_t level, Plan part) {
+    prepare(level, part);
+    return problem.levels.draw(level, part);
+  };
+  return {&problem, multilevel(levels, plan.goal.error, plan)};
 }
 
 void print(std::ostream& out, const MultilevelRun& run) {
@@ -134,11 +129,11 @@ void print(std::ostream& out, const AdviceOn& a) {
 }
 
 Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
-  return prepared_run_of(problem, arguments, watch, {});
+  return prepared_run_of(problem, arguments, watch, [](const catalog::Choice&, const Advice*, Plan&) {});
 }
 
 Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                    const std::function<void(Plan&)>& prepare) {
+                    const std::function<void(const catalog::Choice&, const Advice*, Plan&)>& prepare) {
   const bool by_recipe = wants_recipe(arguments);
   catalog::Choice choice;
   RecipeOptions options;
@@ -146,8 +141,7 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
             : void(choice = read_choice(arguments, problem));
   const double confidence = read_confidence(arguments.confidence);
   Plan plan = read_plan(arguments);
-  if (prepare) prepare(plan);
-  double total = plan.goal.asked() || by_recipe ? 0 : static_cast<double>(plan.samples);
+  double total = 0;
   plan.progress = [&](std::int64_t finished) {
     return watch(problem.id, static_cast<double>(finished), total);
   };
@@ -159,8 +153,9 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
         advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
         advice->law, advice->base_level, "", advice->block};
     plan = detail::plan_of(plan, *advice);
-    total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   }
+  prepare(choice, advice ? &*advice : nullptr, plan);
+  total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   const Verdict verdict = verdict_of(problem, choice);
   Statistics statistics = problem.run(choice, plan);
   if (advice) detail::follow(statistics, *advice, goal);
@@ -175,9 +170,45 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
   return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
 }
 
+int run_multilevel(const Arguments& arguments) {
+  if (!arguments.shard.empty()) {
+    throw std::invalid_argument("--shard (multilevel decides after each level, from all draws); leave it out");
+  }
+  if (arguments.ranks != nullptr && !arguments.checkpoint.empty()) {
+    throw std::invalid_argument(
+        "--checkpoint (ranks keep the run of one estimator, not the levels of multilevel); start it without mpirun");
+  }
+  const catalog::Problem& problem = catalog::find(arguments.problem);
+  Arguments words = arguments;
+  words.problem = problem.id;
+  words.seed = std::to_string(read_plan(arguments).seed);
+  Session session("run", words);
+  Output out(arguments.output);
+  Progress progress(arguments.quiet);
+  MultilevelRun result;
+  try {
+    result = prepared_multilevel_of(problem, words, watch_on(progress), [&](std::int64_t level, Plan& plan) {
+      session.attach(plan, "level " + std::to_string(level) + " from " + std::to_string(plan.first));
+    });
+  } catch (const Interrupted&) {
+    session.suspend();
+    throw;
+  }
+  progress.erase();
+  session.flush();
+  if (arguments.json) {
+    out.stream() << multilevel_json(result) << '\n';
+  } else {
+    print(out.stream(), result);
+  }
+  out.flush();
+  if (result.statistics.converged) return done;
+  complain("the goal is missed: the levels are not enough");
+  return goal_missed;
+}
+
 int run_at_once(const Arguments& arguments) {
   const catalog::Problem& problem = catalog::find(arguments.problem);
-  if (arguments.estimator == "multilevel") return run_multilevel(arguments, problem);
   Output out(arguments.output);
   Progress progress(arguments.quiet);
   const Run result = run_of(problem, arguments, watch_on(progress));
