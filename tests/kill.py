@@ -99,7 +99,14 @@ def look(path):
     return records, len(data) - at
 
 def state(path):
-    return [os.stat(p)[1::5] if os.path.exists(p) else None for p in (path, path + ".new")]  # inode, size
+    """Inode and size of the file and of its successor, which may go at any moment."""
+    found = []
+    for p in (path, path + ".new"):
+        try:
+            found.append(os.stat(p)[1::5])
+        except FileNotFoundError:
+            found.append(None)
+    return found
 
 def wait_to_kill(process, path):
     """Early, somewhere, or as soon as the file or its successor changes."""
