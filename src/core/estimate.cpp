@@ -327,8 +327,8 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   check_goal(plan.goal);
   Plan pilot = plan;
   // Where `samples` says that the run is short, so is the pilot.
-  const std::int64_t expected = plan.earlier ? 1024 * 64 : plan.samples;
-  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 64, fewest, 1024);
+  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples;
+  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
   pilot.save = {};
   pilot.earlier = {};
   const auto planned = [&](std::int64_t samples) {
