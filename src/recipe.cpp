@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <limits>
+#include <map>
 #include <ostream>
 #include <stdexcept>
 
@@ -23,178 +24,18 @@ constexpr double pilot_share = 1.0 / 32;  // of the work of the run
 constexpr double most_base_work = 64;     // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
 constexpr double fewest_blocks = 2048;
+constexpr double fewest_together = 1024;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
 constexpr double shared_share = 1.0 / 8;       // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;       // of the survey that the table of a law holds
-constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
-constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
-constexpr double never_seen =
-    1e-6;                     // of a second moment, for the one of a base that showed nothing but zeros
-constexpr double bend = 0.1;  // octaves that a second moment may lie beside the fitted line
 
 std::string text(const char* pattern, double x) {
   char out[64];
   std::snprintf(out, sizeof out, pattern, x);
   return out;
-}
-
-double abscissa(double level, RateKind kind) {
-  return kind == RateKind::polynomial ? std::log2(level + 1) : level;
-}
-
-// The fitted line of log2 E D_k^2, with its error.
-struct FittedDecay {
-  RateKind kind;
-  double at_centre = 0;
-  double centre = 0;
-  double slope = 0;
-  double slope_error = 0;
-  std::int64_t first = -1;  // the levels that were fitted
-  std::int64_t last = -1;
-
-  [[nodiscard]] bool known() const { return first >= 0; }
-  [[nodiscard]] double at(double level) const { return at_centre - slope * (abscissa(level, kind) - centre); }
-  [[nodiscard]] double error(double level) const {
-    return std::hypot(bend, slope_error * (abscissa(level, kind) - centre));
-  }
-};
-
-double octaves(const SurveyRow& row) { return row.second_moment_error / row.second_moment / std::log(2.0); }
-
-FittedDecay decay_of(const Survey& s) {
-  FittedDecay d;
-  d.kind = s.rates.kind;
-  d.slope = s.rates.variance.value;
-  d.slope_error = s.rates.variance.error;
-  double weight = 0;
-  for (const SurveyRow& row : s.rows) {
-    if (!row.fitted) continue;
-    const double w = 1 / (octaves(row) * octaves(row) + bend * bend);
-    weight += w;
-    d.centre += w * abscissa(static_cast<double>(row.level), d.kind);
-    d.at_centre += w * std::log2(row.second_moment);
-    if (d.first < 0) d.first = row.level;
-    d.last = row.level;
-  }
-  d.centre /= weight;
-  d.at_centre /= weight;
-  return d;
-}
-
-// How much E D_k^2 falls from one level to the next where nothing was measured.
-double cautious_fall(const MeasuredRates& rates) {
-  const double work = std::isfinite(rates.work.value) ? rates.work.value : 1;
-  return std::exp2(-(work + (rates.variance.value == infinity ? 1 : 0.2)));
-}
-
-// E D_k^2 as it should be believed: see the header of the recipe.
-std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
-  const FittedDecay line = decay_of(s);
-  const double fall = cautious_fall(s.rates);
-  double scale = 0;
-  for (const SurveyRow& row : s.rows) scale = std::max(scale, row.mean * row.mean + row.variance);
-  std::vector<double> a(levels);
-  double seen = s.rows.front().variance;  // the last second moment of differences that are not zero
-  for (std::size_t k = 0; k < levels; ++k) {
-    const auto level = static_cast<double>(k);
-    const SurveyRow* row = k < s.rows.size() ? &s.rows[k] : nullptr;
-    if (k == 0) {
-      a[0] = row->variance + row->mean * row->mean;
-      continue;
-    }
-    const bool measured = row != nullptr && row->second_moment > 0 && std::isfinite(row->second_moment);
-    const bool beyond = line.known() && static_cast<std::int64_t>(k) >= line.first;
-    if (beyond && measured && row->fitted) {
-      const double own = octaves(*row) * octaves(*row);
-      const double lines = line.error(level) * line.error(level);
-      a[k] = std::exp2((std::log2(row->second_moment) * lines + line.at(level) * own) / (lines + own));
-    } else if (beyond) {
-      // Hardly seen: what the line says, and its error; a few zeros or one outlier say nothing.
-      a[k] = std::exp2(line.at(level) + line.error(level));
-      // A line that may not fall at all predicts nothing; the law then bets on a decay that some law survives.
-      if (s.law_exists == Answer::cannot_tell) a[k] = std::min(a[k], fall * a[k - 1]);
-    } else if (measured && row->votes) {
-      a[k] = row->second_moment;
-    } else if (measured) {
-      a[k] = std::max(row->second_moment + row->second_moment_error, fall * a[k - 1]);
-    } else if (row != nullptr && row->second_moment == 0 && a[k - 1] == seen) {
-      // The first level of zeros: with 95 % confidence a difference as large as before is no more frequent than that.
-      a[k] = 3 / static_cast<double>(row->draws) * seen;
-    } else {
-      a[k] = fall * a[k - 1];
-    }
-    if (measured) seen = a[k];
-    a[k] =
-        std::max(a[k], std::max(1e-30 * scale, std::numeric_limits<double>::min()) * std::pow(fall, level));
-  }
-  return a;
-}
-
-}  // namespace
-
-LevelModel model_of(const Survey& s, std::int64_t levels) {
-  if (levels == 0) {
-    levels = static_cast<std::int64_t>(s.rows.size()) +
-             (s.rates.kind == RateKind::polynomial ? slow_levels_predicted : levels_predicted);
-  }
-  const auto n = static_cast<std::size_t>(levels);
-  LevelModel m;
-  const std::vector<double> a = believed_squares(s, n);
-  double share = 1;  // of the variance in the second moment
-  for (std::size_t k = 0; k < n; ++k) {
-    if (k < s.rows.size()) {
-      const SurveyRow& row = s.rows[k];
-      if (k > 0 && row.second_moment > 0 && row.votes) {
-        share = std::clamp(row.difference_variance / row.second_moment, 0.0, 1.0);
-      }
-      m.work.push_back(k == 0 ? row.value_work : row.difference_work);
-    } else {
-      const std::size_t last = s.rows.size() - 1;
-      const double growth = s.rates.work.value > 0 && s.rates.kind != RateKind::polynomial
-                                ? std::exp2(s.rates.work.value)
-                                : std::max(1.0, m.work[k - 1] / m.work[k - 2]);
-      m.work.push_back(last == 0 ? m.work[k - 1] : m.work[k - 1] * growth);
-    }
-    if (k == 0) {
-      m.variance.push_back(s.rows[0].variance);
-      m.mean_square.push_back(s.rows[0].mean * s.rows[0].mean);
-    } else {
-      m.variance.push_back(share * a[k]);
-      m.mean_square.push_back((1 - share) * a[k]);
-    }
-  }
-  return m;
-}
-
-double tail_exponent_for(const MeasuredRates& r) {
-  MeasuredRates known = r;
-  if (!std::isfinite(known.work.value)) known.work.value = 1;
-  if (law_exists(rates_of(known))) return default_exponent(known);
-  return finite_exponents(rates_of(known)).low + 0.1;  // not known, or too slow: finite work
-}
-
-namespace {
-
-// The limit, as well as the levels know it; beyond them the means go on as the model says, with the last sign.
-double limit_of(const Survey& survey, const LevelModel& model) {
-  double sum = survey.rows.front().mean;
-  double last = 0;
-  for (const SurveyRow& r : survey.rows) {
-    if (r.level == 0 || !r.votes) continue;
-    sum += r.difference;
-    last = r.difference;
-  }
-  for (std::size_t k = survey.rows.size(); k < model.size(); ++k) {
-    sum += std::copysign(std::sqrt(model.mean_square[k]), last);
-  }
-  return sum;
-}
-
-std::size_t first_outcome(const Setup& s) {
-  return static_cast<std::size_t>(s.base_level + (s.base == Base::always ? 1 : 0));
 }
 
 double rounded(double x, int digits) {
@@ -206,66 +47,6 @@ double rounded(double x, int digits) {
 }
 
 }  // namespace
-
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
-                         const Setup& setup, const Plan& plan, double share, double* work) {
-  const SurveyRow& base = survey.rows.at(static_cast<std::size_t>(setup.base_level));
-  const std::size_t first = first_outcome(setup);
-  const auto slice = [first](const std::vector<double>& v) {
-    return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(first), v.end());
-  };
-  TermMoments t;
-  t.block = setup.block;
-  t.variance = slice(model.variance);
-  t.mean_square = slice(model.mean_square);
-  t.work = slice(model.work);
-  const double limit = limit_of(survey, model);
-  if (setup.base == Base::drawn) {
-    t.variance[0] = base.variance;
-    t.mean_square[0] = base.mean * base.mean;
-    t.work[0] = base.value_work;
-    // A base that is zero in every draw still has to be an outcome.
-    if (t.variance[0] + t.mean_square[0] == 0) {
-      t.variance[0] = never_seen * (t.variance[1] + t.mean_square[1] + std::numeric_limits<double>::min());
-    }
-    if (t.block == 1) t.fixed_variance = -limit * limit;
-    return t;
-  }
-  if (t.block == 1) t.fixed_variance = -(limit - base.mean) * (limit - base.mean);
-  if (!runs.shared) {
-    t.fixed_variance += base.variance;
-    t.fixed_work = base.value_work;
-    return t;
-  }
-  double base_variance = base.variance;
-  for (std::size_t k = first; k < model.size(); ++k) {
-    if (k < survey.rows.size()) {
-      Plan part = plan;
-      part.goal = {};
-      part.samples = static_cast<std::int64_t>(std::ceil(share * static_cast<double>(survey.rows[k].draws)));
-      const SharedMoments s = runs.shared(static_cast<std::int64_t>(k), setup.base_level, part);
-      if (work != nullptr) *work += s.work * static_cast<double>(part.samples);
-      base_variance = s.base_variance;
-      t.fixed_variance += 2 * s.covariance;
-      t.work[k - first] = s.work;
-    }
-    t.base_variance.push_back(base_variance);
-  }
-  return t;
-}
-
-VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law) {
-  std::vector<double> masses(moments.work.size());
-  for (std::size_t j = 0; j < masses.size(); ++j) masses[j] = law.mass(static_cast<std::int64_t>(j));
-  return predict(moments, masses);
-}
-
-double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level) {
-  const auto m = static_cast<std::size_t>(base_level);
-  double roots = std::sqrt(survey.rows.at(m).variance * survey.rows[m].value_work);
-  for (std::size_t k = m + 1; k < model.size(); ++k) roots += std::sqrt(model.variance[k] * model.work[k]);
-  return roots * roots;
-}
 
 bool Advice::usable() const {
   if (survey.law_exists != Answer::cannot_tell) return survey.law_exists == Answer::yes;
@@ -331,22 +112,24 @@ class Choice {
     return next.second_moment < negligible * (next.mean * next.mean + next.variance);
   }
 
-  TermMoments moments_of(const Setup& setup, double share) {
-    return term_moments(runs_, survey_, model_, setup, plan_, share, &advice_.pilot_work);
+  [[nodiscard]] TermMoments moments_of(const Setup& setup, double share) const {
+    return term_moments(runs_, survey_, model_, setup, plan_, share);
   }
 
   AnyPmf law_of(const Setup& setup, const TermMoments& all) const {
     const double exponent = tail_exponent_for(survey_.rates);
     if (survey_.rates.kind == RateKind::polynomial) return AnyPmf(Zeta(exponent));
     TermMoments t = all;
-    const std::size_t outcomes = survey_.rows.size() + levels_beyond - first_outcome(setup);
-    for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance}) {
+    const std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
     }
     // A base that deep levels make quieter is worth its own variance at the first of them: else a law that draws
     // these for the sake of the base costs more than anyone asked for.
-    if (!t.base_variance.empty())
+    if (!t.base_variance.empty()) {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
+      if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
+    }
     const std::vector<double> best = best_masses(t);
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
@@ -392,10 +175,13 @@ class Choice {
   Setup chosen_;
 };
 
+double fewest_blocks_of(const Advice& advice) { return advice.runs_together ? fewest_together : fewest_blocks; }
+
 // A block for that many members, and the members in whole blocks.
 void set_members(Advice& advice, double members) {
+  const double fewest = fewest_blocks_of(advice);
   advice.block = 1;
-  while (advice.block < largest_block && members / static_cast<double>(2 * advice.block) >= fewest_blocks) {
+  while (advice.block < largest_block && members / static_cast<double>(2 * advice.block) >= fewest) {
     advice.block *= 2;
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
@@ -471,15 +257,16 @@ void describe(Advice& a) {
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
+  const bool together = a.runs_together && a.block > 1;
   std::string efficiency = "variance " + text("%.3g", a.predicted.variance) + " x work " +
                            text("%.4g", a.predicted.work) +
                            " predicted for a member: " + text("%.3g", a.predicted.product());
   if (a.bound > 0) {
     efficiency += ", " + text("%.3g", a.predicted.product() / a.bound) +
                   " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
-                  (a.shares_base ? " of draws that share nothing" : "");
+                  (a.shares_base || together ? " of draws that share nothing" : "");
   }
-  if (a.runs_together && a.block > 1) efficiency += "; less, since members are stratified over their first number too";
+  if (together) efficiency += " and are not stratified by their first number";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments = rate_text(r) + ", the tail of the law like " +
@@ -496,7 +283,40 @@ void describe(Advice& a) {
 
 }  // namespace
 
-Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options) {
+namespace {
+
+// The same levels, which draw nothing twice that a choice asks for again; what they draw for it is added to the work.
+LevelRuns remembering(const LevelRuns& runs, double& work) {
+  using Key = std::array<std::int64_t, 4>;
+  LevelRuns once = runs;
+  if (runs.shared) {
+    once.shared = [&, known = std::map<Key, SharedMoments>()](std::int64_t level, std::int64_t base_level,
+                                                              const Plan& plan) mutable {
+      const auto [at, is_new] = known.try_emplace({level, base_level, 1, plan.samples});
+      if (is_new) {
+        at->second = runs.shared(level, base_level, plan);
+        work += at->second.work * static_cast<double>(plan.samples);
+      }
+      return at->second;
+    };
+  }
+  if (runs.together) {
+    once.together = [&, known = std::map<Key, StrataMoments>()](std::int64_t level, std::int64_t base_level,
+                                                                std::int64_t members, const Plan& plan) mutable {
+      const auto [at, is_new] = known.try_emplace({level, base_level, members, plan.samples});
+      if (is_new) {
+        at->second = runs.together(level, base_level, members, plan);
+        work += at->second.work;
+      }
+      return at->second;
+    };
+  }
+  return once;
+}
+
+}  // namespace
+
+Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options) {
   detail::check_goal(plan.goal);
   const std::int64_t lowest = options.base_level.value_or(options.lowest_base);
   detail::check_base_level("recipe", lowest);
@@ -504,15 +324,16 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
   pilot.samples = std::int64_t{1} << 16;
   pilot.first = 0;
   pilot.goal = {};
+  double work = 0;
+  const LevelRuns runs = remembering(levels, work);
   const double unit = runs.work(lowest, pilot).first;
   double budget = first_pilot_draws * unit;
   const auto start = std::chrono::steady_clock::now();
   Advice advice;
   for (int stage = 0;; ++stage) {
     Advice next;
-    next.pilot_work = advice.pilot_work;
     next.survey = survey_within(runs, budget, pilot);
-    next.pilot_work += next.survey.work;
+    work += next.survey.work;
     next.pilot_seconds = detail::share<double>(pilot.ranks, [&] {
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     });
@@ -523,9 +344,9 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
                                   ", and a law needs two differences above the base); take a lower one");
     }
     if (next.usable()) {
-      next.runs_together = runs.batches;
+      next.runs_together = static_cast<bool>(runs.together);
       next.block = std::max<std::int64_t>(advice.block, 64);
-      set_members(next, plan.goal.asked() ? fewest_blocks * static_cast<double>(next.block)
+      set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                           : static_cast<double>(plan.samples));
       Choice(runs, pilot, options, next).choose();
       if (plan.goal.asked()) {
@@ -536,6 +357,7 @@ Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& opti
     }
     advice = std::move(next);
     const bool open = advice.survey.law_exists != Answer::yes;
+    advice.pilot_work = work;
     const double open_limit =
         unit * std::max(open_pilot_draws, 4 * (plan.goal.asked() ? 0 : static_cast<double>(plan.samples)));
     if (stage == most_stages || (open && budget >= open_limit)) break;

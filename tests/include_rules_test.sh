@@ -26,7 +26,7 @@ may_include() {
     survey | diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey|diagnostics' ;;
     mpi) echo 'core/.*' ;;
-    recipe) echo 'core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
+    recipe | recipe/*) echo 'recipe/.*|core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|catalog|sde)/.*|[a-z_]*' ;;
     cli/* | render/* | mpi/* | python/*) echo '.*' ;;

@@ -10,6 +10,7 @@
 #include "estimators/sequences.hpp"
 
 #include <debias/core/estimate.hpp>
+#include <debias/pmf/tabulated.hpp>
 #include <debias/survey.hpp>
 
 #include "catalog.hpp"
@@ -186,6 +187,37 @@ TEST_CASE("a survey draws from streams that no sample sees, the same for any thr
     return sequence(0, own).value;
   };
   CHECK(one.rows[0].mean != estimate(plain, {.samples = 9000, .seed = 7}).mean);
+}
+
+TEST_CASE("variances within strata are those of the groups of neighbours", "[survey][exact]") {
+  std::vector<double> line{0, 1, 2, 3, 4, 5, 6, 7};
+  std::vector<double> variances(3);
+  detail::variances_within_strata(line, variances);
+  CHECK(variances[0] == Approx(6));        // of 0 ... 7
+  CHECK(variances[1] == Approx(5.0 / 3));  // of 0 ... 3 and 4 ... 7
+  CHECK(variances[2] == Approx(0.5));      // of pairs
+}
+
+TEST_CASE("members of a level that run together leave what does not depend on their first number",
+          "[survey][statistical]") {
+  const LevelRuns runs = catalog::find("european-call").levels;
+  REQUIRE(runs.together);
+  const StrataMoments first = runs.together(0, 0, 1024, {.samples = 16});
+  const StrataMoments deep = runs.together(4, 4, 1024, {.samples = 16});
+  REQUIRE(first.base_left.size() == 10);
+  REQUIRE(deep.difference_left.size() == 10);
+  CHECK(first.base_left.front() == 1);
+  CHECK(first.base_left.back() < 0.01);       // one step: the first number is all there is
+  CHECK(deep.difference_left.back() > 0.8);  // one of sixteen increments
+  // And that is the variance of a block: 64 members of level 0 and nothing else.
+  const catalog::Problem& p = catalog::find("european-call");
+  const auto variance_of = [&](std::int64_t block) {
+    return p.run({catalog::Method::single_term_drawn, AnyPmf(Tabulated({1}, 1e-12)), 0, "", block}, {.samples = 4096})
+        .components[0]
+        .variance;
+  };
+  const double left = 64 * variance_of(64) / variance_of(1);
+  CHECK(left == Approx(first.base_left[6]).epsilon(0.2));
 }
 
 TEST_CASE("a survey that is interrupted keeps its complete levels and says so", "[survey][exact]") {

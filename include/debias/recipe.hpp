@@ -27,45 +27,10 @@
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
 #include <debias/pmf/any.hpp>
-#include <debias/pmf/fitted.hpp>
+#include <debias/recipe/model.hpp>
 #include <debias/survey.hpp>
 
 namespace debias {
-
-/// Moments of level after level: the measured ones, smoothed by the fitted decay, and the deeper ones that it
-/// predicts. Level 0 is the value I_0.
-struct LevelModel {
-  std::vector<double> variance;     ///< Var D_k
-  std::vector<double> mean_square;  ///< (E D_k)^2
-  std::vector<double> work;         ///< of D_k alone
-
-  [[nodiscard]] std::size_t size() const { return work.size(); }
-};
-
-/// The first `levels` levels, whether the survey has seen them or not; 0 stands for as many as matter to a law.
-LevelModel model_of(const Survey& survey, std::int64_t levels = 0);
-
-/// A single-term estimator, but for its law.
-struct Setup {
-  std::int64_t base_level = 0;
-  Base base = Base::drawn;
-  std::int64_t block = 1;
-};
-
-/// What its law is chosen for, one entry for each outcome that the model has. A shared base is measured, in this
-/// share of the draws of the survey; their work is added.
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
-                         const Setup& setup, const Plan& plan, double share = 1, double* work = nullptr);
-
-/// What a law gives, over the outcomes of the model.
-VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law);
-
-/// The bound of variance x work for that base level.
-double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level);
-
-/// The exponent of a law's tail beyond the levels that were measured: the best, (beta + gamma) / 2, or halfway to
-/// beta4 / 3 where the fourth moment can be finite.
-double tail_exponent_for(const MeasuredRates& rates);
 
 /// What is not left to the pilot.
 struct RecipeOptions {

@@ -12,11 +12,14 @@
 // Fails, as any extrapolation does, when the levels that were drawn are not yet asymptotic: it then says so.
 // Sources: Giles, Acta Numerica 24 (2015), section 3 (table and consistency check); the rest derived here.
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <iosfwd>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +28,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/stream_batch.hpp>
 
 namespace debias {
 
@@ -78,6 +82,15 @@ struct SharedMoments {
   double work = 0;           ///< of a draw
 };
 
+/// What is left of the variance of a draw where 1, 2, 4, ... members of a level run together, stratified by their first
+/// number: shares of the first entry. Empty where nobody has looked.
+struct StrataMoments {
+  static constexpr std::int64_t most_members = 1024;
+  std::vector<double> base_left;        ///< of I_m, or of the base that is shared
+  std::vector<double> difference_left;  ///< of D_k
+  double work = 0;                      ///< of all draws
+};
+
 /// The levels of a sequence behind one call a level, whatever its type. Level k of sample i draws from the pilot
 /// streams: no sample of an estimator ever sees them.
 struct LevelRuns {
@@ -87,7 +100,9 @@ struct LevelRuns {
   std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
   /// Empty where the sequence has no shared base.
   std::function<SharedMoments(std::int64_t level, std::int64_t base_level, const Plan& plan)> shared;
-  bool batches = false;  ///< members of one level run together in a stratified block
+  /// Draws plan.samples times that many members (a power of two, at most StrataMoments::most_members) of a level, and of
+  /// its base. Empty where the members of a stratified block do not run together.
+  std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)> together;
 };
 
 namespace detail {
@@ -159,6 +174,63 @@ struct SharedLevelDraw {
   }
 };
 
+constexpr std::size_t strata_octaves = std::bit_width(static_cast<std::uint64_t>(StrataMoments::most_members)) - 1;
+
+/// Variances within 1, 2, 4, ... strata, of values in the order of these; a power of two of them, which are lost.
+void variances_within_strata(std::span<double> values, std::span<double> variances);
+StrataMoments strata_moments(const Statistics& statistics, std::int64_t members);
+
+/// Members of a level that run together: the variances of base and difference within strata.
+template <BatchesLevels S>
+struct TogetherDraw {
+  const S& sequence;
+  std::int64_t level;
+  std::int64_t base_level;
+  std::int64_t members;
+
+  Sample<Several<double, 2 * strata_octaves>> operator()(Stream& rng) const {
+    const Stream own = split(rng, Branch::pilot);
+    std::vector<double> bases;
+    std::vector<double> differences;
+    double work = 0;
+    for (std::int64_t j = 0; j < members;) {
+      const auto n = static_cast<std::size_t>(std::min<std::int64_t>(members - j, StreamBatch::capacity));
+      const auto streams_of = [&](std::int64_t k) {
+        return StreamBatch(own, static_cast<std::uint64_t>(j), n, static_cast<std::uint64_t>(k), j, members);
+      };
+      StreamBatch streams = streams_of(level);
+      if constexpr (BatchesShared<S>) {
+        std::array<SharedDraw<double>, StreamBatch::capacity> both;
+        sequence.shared(level, base_level, streams, std::span(both).first(n));
+        for (const SharedDraw<double>& draw : std::span(both).first(n)) {
+          bases.push_back(draw.base);
+          differences.push_back(draw.difference);
+          work += draw.work;
+        }
+      } else {
+        std::array<Term<double>, StreamBatch::capacity> terms;
+        const std::span<Term<double>> some = std::span(terms).first(n);
+        StreamBatch base_streams = streams_of(base_level);
+        sequence.values(base_level, base_streams, some);
+        for (const Term<double>& term : some) {
+          bases.push_back(term.value);
+          work += term.work;
+        }
+        if (level > 0) sequence.differences(level, streams, some);
+        for (const Term<double>& term : some) {
+          differences.push_back(term.value);
+          if (level > 0) work += term.work;
+        }
+      }
+      j += static_cast<std::int64_t>(n);
+    }
+    Several<double, 2 * strata_octaves> variances{};
+    variances_within_strata(bases, std::span(variances.parts).first(strata_octaves));
+    variances_within_strata(differences, std::span(variances.parts).last(strata_octaves));
+    return {variances, work, level};
+  }
+};
+
 constexpr std::int64_t draws_for_work = 16;
 
 template <BiasedSequence S>
@@ -184,7 +256,6 @@ SharedMoments shared_moments(const Statistics& statistics);
 template <BiasedSequence S>
 LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
-  runs.batches = BatchesLevels<S>;
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
@@ -195,6 +266,11 @@ LevelRuns level_runs(const S& sequence) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return detail::shared_moments(
           estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+    };
+  }
+  if constexpr (BatchesLevels<S>) {
+    runs.together = [sequence](std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan) {
+      return detail::strata_moments(estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
     };
   }
   return runs;

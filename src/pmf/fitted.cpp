@@ -12,6 +12,11 @@
 namespace debias {
 namespace {
 
+constexpr double half_octave = 1.4142135623730951;
+constexpr double least_left = 1e-9;  // of a variance: a level without any is still drawn
+constexpr double tolerance = 1e-9;   // of the price
+constexpr double block_tolerance = 1e-4;  // the same in blocks, where each price takes longer and the product is as flat
+
 [[noreturn]] void refuse(const std::string& function, const std::string& problem) {
   throw std::invalid_argument(function + ": " + problem);
 }
@@ -28,14 +33,40 @@ void check_positive(const std::string& function, const char* what, std::size_t k
                        " (must be positive and finite); take an upper bound where none was seen");
 }
 
-double base_variance(const TermMoments& m, std::size_t k) {
-  return m.base_variance.empty() ? 0 : m.base_variance[k];
+// What is left of a variance where `members` run together; it falls like a power between entries, and beyond them like
+// over the last ones.
+double left_at(const std::vector<std::vector<double>>& shares, std::size_t k, double members) {
+  if (shares.empty() || shares[k].empty() || !(members > 1)) return 1;
+  const std::vector<double>& share = shares[k];
+  if (share.back() == 0) return 0;
+  const std::size_t last = share.size() - 1;
+  const double octave = std::log2(members);
+  const auto i = std::min(static_cast<std::size_t>(octave), last);
+  const double beyond = octave - static_cast<double>(i);
+  if (i < last) return share[i] * std::pow(share[i + 1] / share[i], beyond);
+  const std::size_t before = last > 2 ? last - 2 : 0;
+  return last == 0 ? share[0] : share[last] * std::pow(share[last] / share[before], beyond / static_cast<double>(last - before));
+}
+
+double members_at(const TermMoments& m, double p) { return static_cast<double>(m.block) * p; }
+
+double base_variance(const TermMoments& m, std::size_t k, double p) {
+  return m.base_variance.empty() ? 0 : m.base_variance[k] * left_at(m.base_left, k, members_at(m, p));
 }
 
 // a_k as it acts at mass p.
 double square_at(const TermMoments& m, std::size_t k, double p) {
   if (m.block <= 1) return m.variance[k] + m.mean_square[k];
-  return m.variance[k] + m.mean_square[k] * std::min(1.0, 1 / (4 * static_cast<double>(m.block) * p));
+  const double n = members_at(m, p);
+  return m.variance[k] * std::max(least_left, left_at(m.variance_left, k, n)) +
+         m.mean_square[k] * std::min(1.0, 1 / (4 * n));
+}
+
+// (1 + e) a_k where a_k falls like p^-e: what counts for the best p, where a_k / p + price p is least.
+double square_of_best(const TermMoments& m, std::size_t k, double p) {
+  const double a = square_at(m, k, p);
+  if (m.block <= 1) return a;
+  return a * (1 + std::log2(square_at(m, k, p / half_octave) / square_at(m, k, p * half_octave)));
 }
 
 // The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).
@@ -74,7 +105,11 @@ VarianceAndWork predict(const TermMoments& m, std::span<const double> masses) {
   VarianceAndWork result{m.fixed_variance, m.fixed_work};
   for (std::size_t k = 0; k < masses.size(); ++k) {
     const double p = masses[k];
-    result.variance += base_variance(m, k) * p + square_at(m, k, p) / p;
+    result.variance += base_variance(m, k, p) * p + square_at(m, k, p) / p;
+    if (!m.covariance.empty()) {
+      const double n = members_at(m, p);
+      result.variance += 2 * m.covariance[k] * std::sqrt(left_at(m.base_left, k, n) * left_at(m.variance_left, k, n));
+    }
     result.work += m.work[k] * p;
   }
   // Deterministic terms can cancel the squared limit exactly: what is left then is rounding.
@@ -99,10 +134,15 @@ std::vector<double> best_masses(const TermMoments& m) {
   std::vector<double> p(n, 1 / static_cast<double>(n));
   std::vector<double> price(n);
   const auto solve_at = [&](double s) {
-    for (std::size_t k = 0; k < n; ++k) price[k] = base_variance(m, k) + s * m.work[k];
-    for (int i = 0; i < (m.block > 1 ? 4 : 1); ++i) {  // strata: a depends on p
-      for (std::size_t k = 0; k < n; ++k) a[k] = square_at(m, k, p[k]);
-      p = best_at_price(a, price);
+    for (int i = 0; i < (m.block > 1 ? 6 : 1); ++i) {  // strata: a depends on p, and falls up to twice as fast
+      double sum = 0;
+      for (std::size_t k = 0; k < n; ++k) {
+        a[k] = square_of_best(m, k, p[k]);
+        price[k] = base_variance(m, k, p[k]) + s * m.work[k];
+      }
+      const std::vector<double> next = best_at_price(a, price);
+      for (std::size_t k = 0; k < n; ++k) sum += p[k] = m.block > 1 ? std::sqrt(p[k] * next[k]) : next[k];
+      for (double& x : p) x /= sum;
     }
     const VarianceAndWork now = predict(m, p);
     return now.variance / now.work;
@@ -112,7 +152,7 @@ std::vector<double> best_masses(const TermMoments& m) {
   double high = start;
   for (int i = 0; i < 100 && solve_at(low) < low && low > 1e-290; ++i) low /= 8;
   for (int i = 0; i < 100 && solve_at(high) > high && high < 1e290; ++i) high *= 8;
-  while (high > low * (1 + 1e-9)) {
+  while (high > low * (1 + (m.block > 1 ? block_tolerance : tolerance))) {
     const double middle = std::sqrt(low) * std::sqrt(high);
     if (!(middle > low && middle < high)) break;
     (solve_at(middle) > middle ? low : high) = middle;

@@ -153,6 +153,42 @@ TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata
   CHECK_FALSE(is_local_optimum(m, {0.25, 0.25, 0.25, 0.25}));
 }
 
+TEST_CASE("where the members of a level run together no other masses are better by three percent",
+          "[pmf][fitted][exact]") {
+  // What is left of a variance: nothing in the limit, falling like c^-e, or a part of it for ever.
+  const auto falling = [](double e, double rest) {
+    std::vector<double> shares;
+    for (int i = 0; i < 10; ++i) shares.push_back(rest + (1 - rest) * power(2, -e * i));
+    return shares;
+  };
+  Stream rng(20220811, 2);
+  double worst = 0;
+  double gain = 1;
+  for (int i = 0; i < 100; ++i) {
+    TermMoments m = random_moments(rng, 3);
+    m.block = 4096;
+    m.mean_square = {1e-9, 1e-9, 1e-9};
+    const std::vector<double> blind = best_masses(m);
+    for (int k = 0; k < 3; ++k) {
+      const double e = 3 * rng.uniform();
+      m.variance_left.push_back(falling(e, i % 2 == 0 ? 0 : rng.uniform()));
+    }
+    const double found = predict(m, best_masses(m)).product();
+    gain = std::min(gain, found / predict(m, blind).product());
+    double best = found;
+    for (double a = 1e-3; a < 1; a *= 1.1) {
+      for (double b = 1e-3; b < 1e3; b *= 1.1) {
+        const std::vector<double> p{a, (1 - a) * b / (1 + b), (1 - a) / (1 + b)};
+        best = std::min(best, predict(m, p).product());
+      }
+    }
+    worst = std::max(worst, found / best);
+  }
+  CAPTURE(worst, gain);
+  CHECK(worst < 1.03);  // it is not convex where a level has about one member
+  CHECK(gain < 0.2);  // masses that know nothing of it are up to that much worse
+}
+
 TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)",
           "[pmf][fitted][exact]") {
   TermMoments m = square_of_mean(24);

@@ -10,7 +10,8 @@
 //
 //   Notation: a = second moment of a difference, w = work, v = fixed_variance, c = fixed_work, b = base_variance.
 // In blocks of n stratified members a_k = Var D_k + (E D_k)^2 min(1, 1 / (4 n p_k)): sqrt(Var D / w) alone starves
-// levels that are nearly deterministic.
+// levels that are nearly deterministic. Where the n p_k members of a level run together, stratified by their first
+// number too, Var D_k falls with n p_k as well; a mass is then worth more where it takes more of its variance away.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015); Kahale, Oper. Res. 2023 (arXiv 1909.02876), hull; rest derived.
 
 #include <cstdint>
@@ -25,6 +26,11 @@ struct TermMoments {
   std::vector<double> mean_square;    ///< (E D_k)^2
   std::vector<double> work;           ///< of one draw
   std::vector<double> base_variance;  ///< added p_k times: that of a base made of the draws of the level; or empty
+  std::vector<double> covariance;     ///< of that base and the difference, twice added; or empty
+  /// The shares of variance[k] and base_variance[k] that are left where 1, 2, 4, ... members of a level run together, which
+  /// fall; an empty one, and an empty list, stand for all.
+  std::vector<std::vector<double>> variance_left;
+  std::vector<std::vector<double>> base_left;
   double fixed_variance = 0;          ///< what no law changes; may be negative
   double fixed_work = 0;
   std::int64_t block = 1;  ///< members of a stratified block; 1: independent members
