@@ -281,10 +281,6 @@ void describe(Advice& a) {
   a.sentences.push_back(moments);
 }
 
-}  // namespace
-
-namespace {
-
 // The same levels, which draw nothing twice that a choice asks for again; what they draw for it is added to the work.
 LevelRuns remembering(const LevelRuns& runs, double& work) {
   using Key = std::array<std::int64_t, 4>;

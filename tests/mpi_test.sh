@@ -21,6 +21,11 @@ check "a run on 2 ranks, 3 threads on each" same "$(answer on 2 run A03 --sample
   "$(answer "$debias" run A03 --samples 1e5)"
 check "a recipe on 3 ranks" same "$(answer on 3 run A03 --law auto --error 1e-3)" \
   "$(answer "$debias" run A03 --law auto --error 1e-3)"
+on 2 run E02 --law auto --samples 1e6 --checkpoint recipe > /dev/null 2>&1
+cp recipe alone
+check "and it can grow" same "$(answer on 3 resume recipe --samples 5e3)" "$(answer "$debias" resume alone --samples 5e3)"
+on 2 run E02 --estimator multilevel --error 1 --checkpoint m > m.err 2>&1
+check "levels of multilevel are not kept by ranks" has "without mpirun" m.err
 check "a seed that is drawn is one" same "$(on 3 run A03 --samples 1e3 --seed random | grep -c '^samples .*, seed ')" 1
 on 2 run A03 --samples 2e4 --checkpoint finished -o out.txt > out 2> err
 check "a run ends" same $? 0

@@ -71,12 +71,11 @@ double z_of(const Statistics& s, double truth) {
   return (s.components[0].mean - truth) / s.components[0].standard_error;
 }
 
-/// The run of a problem of the catalogue that an advice asks for.
-Statistics run_by(const Advice& advice, const catalog::Problem& p, std::uint64_t seed) {
+/// The run of a problem of the catalogue that follows an advice on that plan.
+Statistics run_by(const Advice& advice, const catalog::Problem& p, const Plan& plan) {
   const catalog::Method method =
       advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
-  return p.run({method, advice.law, advice.base_level, "", advice.block},
-               {.samples = advice.members / advice.block, .seed = seed});
+  return p.run({method, advice.law, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
 }
 
 /// Variance x work of one member, as the run has measured them.
@@ -279,7 +278,7 @@ TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on twe
     const catalog::Problem& p = catalog::find(id);
     const Plan plan{.samples = 1 << 20, .seed = 1};
     const Advice advice = advise(p.levels, plan, {.base_level = p.lowest_base});
-    const Statistics s = run_by(advice, p, 1);
+    const Statistics s = run_by(advice, p, plan);
     // The bound, from a pilot of its own.
     const Survey survey = survey_within(p.levels, s.work, {.samples = 1 << 16, .seed = 9});
     const double bound = bound_of(survey, model_of(survey), advice.base_level);
@@ -293,12 +292,13 @@ TEST_CASE("a recipe is unbiased on every problem of the catalogue for which it f
           "[recipe][statistical][stat]") {
   int runs = 0;
   for (const catalog::Problem& p : catalog::problems()) {
-    const Advice advice = advise(p.levels, {.samples = 1 << 15, .seed = 1}, {.lowest_base = p.lowest_base});
+    const Plan plan{.samples = 1 << 15, .seed = 1};
+    const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
     CAPTURE(p.id, advice.law.spec(), advice.base_level);
     CHECK((advice.survey.law_exists != Answer::no || !law_exists(p.rates)));
     if (!advice.usable()) continue;
     ++runs;
-    const Statistics s = run_by(advice, p, 1);
+    const Statistics s = run_by(advice, p, plan);
     const double error = std::max({s.total_error(), s.bias_bound.size, 1e-13 * std::abs(p.truth)});
     CHECK(std::abs(s.components[0].mean - p.truth) < 5.8 * error);
   }
@@ -349,24 +349,28 @@ TEST_CASE("options by recipe take at most 0.1 (European) and 0.35 of the work of
     double work = 0;
     double baseline = 0;
     double squares = 0;
-    std::vector<double> z;
+    double least = 1;
+    double most = 1;
     std::vector<double> means;
     for (std::uint64_t seed = 1; seed <= 16; ++seed) {
       const Plan plan{.seed = seed, .goal = {.error = error}};
       const Advice advice = advise(p.levels, plan);
-      const catalog::Method method =
-          advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
-      const Statistics s =
-          p.run({method, advice.law, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
+      const Statistics s = run_by(advice, p, plan);
       const double reached = s.total_error() / error;
-      CHECK(reached < 1.3);
+      // A goal aims at 95 % of it; 128 blocks in its pilot, of kurtosis 10, know a standard error to 13 %.
+      CHECK(reached < 0.95 * (1 + 3 * 0.13));
+      const double predicted = advice.predicted.product() / measured_product(s);
+      least = std::min(least, predicted);
+      most = std::max(most, predicted);
       squares += reached * reached;
       work += (s.work + advice.pilot_work) * reached * reached;
       baseline += multilevel(p.levels, error, {.seed = seed}).work;
       means.push_back(s.components[0].mean);
     }
     const Moments m = Moments::of(means);
-    CAPTURE(id, error, work / 16, baseline / 16, work / baseline, m.mean - p.truth, std::sqrt(squares / 16));
+    CAPTURE(id, error, work / 16, baseline / 16, work / baseline, m.mean - p.truth, std::sqrt(squares / 16), least, most);
+    CHECK(least > 0.6);  // predicted variance x work, over what the run has
+    CHECK(most < 3);
     CHECK(work < bound * baseline);
     CHECK(squares / 16 < 1);
     CHECK(std::abs(m.mean - p.truth) < 4.5 * error / 4);

@@ -185,15 +185,11 @@ int run_multilevel(const Arguments& arguments) {
   Session session("run", words);
   Output out(arguments.output);
   Progress progress(arguments.quiet);
-  MultilevelRun result;
-  try {
-    result = prepared_multilevel_of(problem, words, watch_on(progress), [&](std::int64_t level, Plan& plan) {
-      session.attach(plan, "level " + std::to_string(level) + " from " + std::to_string(plan.first));
-    });
-  } catch (const Interrupted&) {
-    session.suspend();
-    throw;
-  }
+  const auto prepare = [&](std::int64_t level, Plan& plan) {
+    session.attach(plan, "level " + std::to_string(level) + " from " + std::to_string(plan.first));
+  };
+  const MultilevelRun result =
+      session.guard([&] { return prepared_multilevel_of(problem, words, watch_on(progress), prepare); });
   progress.erase();
   session.flush();
   if (arguments.json) {

@@ -45,6 +45,16 @@ class Session {
   void flush();
   /// Takes up the samples of a part, and keeps those to come.
   void attach(Plan& plan, const std::string& part);
+  /// What `draw` returns; an interrupt suspends on its way.
+  template <class Draw>
+  auto guard(const Draw& draw) {
+    try {
+      return draw();
+    } catch (const Interrupted&) {
+      suspend();
+      throw;
+    }
+  }
   /// Writes what there is, and how to go on: for a command that is interrupted.
   void suspend();
 

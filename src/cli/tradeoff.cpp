@@ -221,13 +221,8 @@ int tradeoff(const Arguments& arguments) {
   Output out(arguments.output);
   Progress progress(arguments.quiet);
   const auto prepare = [&](const AnyPmf& law, Plan& plan) { session.attach(plan, law.spec()); };
-  Tradeoff t;
-  try {
-    t = prepared_tradeoff_of(problem, words, watch_on(progress), prepare);
-  } catch (const Interrupted&) {
-    session.suspend();
-    throw;
-  }
+  const Tradeoff t =
+      session.guard([&] { return prepared_tradeoff_of(problem, words, watch_on(progress), prepare); });
   progress.erase();
   interrupted() ? session.suspend() : session.flush();
   if (arguments.json) {

@@ -114,12 +114,7 @@ int validate(const Arguments& arguments) {
         cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + law_text(c));
   };
   Validation result{{}, plan.samples, plan.seed, 0};
-  try {
-    result.report = catalog::validate(problems, plan, show, prepare);
-  } catch (const Interrupted&) {
-    session.suspend();
-    throw;
-  }
+  result.report = session.guard([&] { return catalog::validate(problems, plan, show, prepare); });
   session.flush();
   result.seconds = progress.seconds();
 

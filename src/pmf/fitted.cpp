@@ -38,11 +38,11 @@ void check_positive(const std::string& function, const char* what, std::size_t k
 double left_at(const std::vector<std::vector<double>>& shares, std::size_t k, double members) {
   if (shares.empty() || shares[k].empty() || !(members > 1)) return 1;
   const std::vector<double>& share = shares[k];
-  if (share.back() == 0) return 0;
   const std::size_t last = share.size() - 1;
   const double octave = std::log2(members);
   const auto i = std::min(static_cast<std::size_t>(octave), last);
   const double beyond = octave - static_cast<double>(i);
+  if (share[i] == 0) return 0;
   if (i < last) return share[i] * std::pow(share[i + 1] / share[i], beyond);
   const std::size_t before = last > 2 ? last - 2 : 0;
   return last == 0 ? share[0] : share[last] * std::pow(share[last] / share[before], beyond / static_cast<double>(last - before));

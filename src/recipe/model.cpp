@@ -27,8 +27,7 @@ struct FittedDecay {
   double centre = 0;
   double slope = 0;
   double slope_error = 0;
-  std::int64_t first = -1;  // the levels that were fitted
-  std::int64_t last = -1;
+  std::int64_t first = -1;  // level that was fitted
 
   [[nodiscard]] bool known() const { return first >= 0; }
   [[nodiscard]] double at(double level) const { return at_centre - slope * (abscissa(level, kind) - centre); }
@@ -52,7 +51,6 @@ FittedDecay decay_of(const Survey& s) {
     d.centre += w * abscissa(static_cast<double>(row.level), d.kind);
     d.at_centre += w * std::log2(row.second_moment);
     if (d.first < 0) d.first = row.level;
-    d.last = row.level;
   }
   d.centre /= weight;
   d.at_centre /= weight;
@@ -65,7 +63,7 @@ double cautious_fall(const MeasuredRates& rates) {
   return std::exp2(-(work + (rates.variance.value == infinity ? 1 : 0.2)));
 }
 
-// E D_k^2 as it should be believed: see the header of the recipe.
+// E D_k^2 as it should be believed: see the header.
 std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
   const FittedDecay line = decay_of(s);
   const double fall = cautious_fall(s.rates);
