@@ -79,6 +79,7 @@ check "and their errors against photons" [ "$(lines lamp/curves.csv)" -eq 25 ]
 
 # ---- an interrupt leaves what there is
 for scene in 'transmittance --spp 100000000' 'photons --photons 1e12'; do
+  rm -f part.png
   "$debias" render $scene --size 128x128 -o part.png > out 2> err &
   process=$!
   sleep 2
