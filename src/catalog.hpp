@@ -20,7 +20,7 @@
 #include <debias/core/rates.hpp>
 #include <debias/core/result.hpp>
 #include <debias/pmf/any.hpp>
-#include <debias/survey.hpp>
+#include <debias/survey/levels.hpp>
 
 namespace debias::catalog {
 

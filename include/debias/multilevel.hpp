@@ -19,7 +19,7 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/sequence.hpp>
-#include <debias/survey.hpp>
+#include <debias/survey/levels.hpp>
 
 namespace debias {
 

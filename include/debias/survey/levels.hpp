@@ -1,0 +1,240 @@
+#pragma once
+
+// The levels of a sequence behind one call a level, whatever its type: what a survey, a recipe and multilevel draw.
+//
+//   draw       I_k with its coarse partner and D_k
+//   shared     a base I_m and D_k from the same draws: Var I_m, Cov(I_m, D_k), work
+//   together   2^j members of one level in strata over the first number that they draw: what that leaves of Var D_k
+//
+//   Notation: k = level, m = base_level, I_k and D_k = value and difference of the sequence.
+// Level k of sample i draws from the pilot streams (Branch::pilot): no sample of an estimator ever sees them, so what
+// is chosen from these draws biases nothing.
+// Fails where the erased type is no BiasedSequence; `shared` and `together` are empty for sequences without the hooks.
+// Source: Giles, Acta Numerica 24 (2015), section 3; strata over first numbers as in core/stream_batch.hpp.
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/estimator.hpp>
+#include <debias/core/sequence.hpp>
+#include <debias/core/stream_batch.hpp>
+
+namespace debias {
+
+/// A base and a difference that share their draws.
+struct SharedMoments {
+  double base_variance = 0;  ///< of the base
+  double covariance = 0;     ///< of base and difference
+  double work = 0;           ///< of a draw
+};
+
+/// What is left of the variance of a draw where 1, 2, 4, ... members of a level run together, stratified by their first
+/// number: shares of the first entry. Empty where nobody has looked.
+struct StrataMoments {
+  static constexpr std::int64_t most_members = 1024;
+  std::vector<double> base_left;        ///< of I_m, or of the base that is shared
+  std::vector<double> difference_left;  ///< of D_k
+  double work = 0;                      ///< of all draws
+};
+
+/// The erased levels of a sequence.
+struct LevelRuns {
+  /// Draws plan.samples times (I_k, D_k).
+  std::function<Statistics(std::int64_t level, const Plan& plan)> draw;
+  /// Mean work of I_k alone and of D_k alone over a few draws.
+  std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
+  /// Empty where the sequence has no shared base.
+  std::function<SharedMoments(std::int64_t level, std::int64_t base_level, const Plan& plan)> shared;
+  /// Draws plan.samples times that many members (a power of two, at most StrataMoments::most_members) of a level, and of
+  /// its base. Empty where the members of a stratified block do not run together.
+  std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)> together;
+};
+
+namespace detail {
+
+/// Some values and numbers as one value, so that one run gives the moments of each.
+template <Value V, std::size_t n>
+struct Several {
+  std::array<V, n> parts;
+  double flag = 0;
+
+  friend Several operator+(Several a, const Several& b) {
+    for (std::size_t i = 0; i < n; ++i) a.parts[i] = sum(std::move(a.parts[i]), b.parts[i]);
+    a.flag += b.flag;
+    return a;
+  }
+  friend Several operator-(Several a, const Several& b) {
+    for (std::size_t i = 0; i < n; ++i) a.parts[i] = debias::difference(std::move(a.parts[i]), b.parts[i]);
+    a.flag -= b.flag;
+    return a;
+  }
+  friend std::size_t component_count(const Several& s) { return n * debias::component_count(s.parts[0]) + 1; }
+  friend double component(const Several& s, std::size_t i) {
+    const std::size_t each = debias::component_count(s.parts[0]);
+    return i / each < n ? debias::component(s.parts[i / each], i % each) : s.flag;
+  }
+  friend void set_component(Several& s, std::size_t i, double x) {
+    const std::size_t each = debias::component_count(s.parts[0]);
+    if (i / each < n) {
+      debias::set_component(s.parts[i / each], i % each, x);
+    } else {
+      s.flag = x;
+    }
+  }
+};
+
+/// I_k, its coarse partner, D_k, and whether D_k is not zero.
+template <BiasedSequence S>
+struct LevelDraw {
+  using V = sequence_value_t<S>;
+  const S& sequence;
+  std::int64_t level;
+
+  template <Record R>
+  Sample<Several<V, 3>> operator()(Stream& rng, R& record) const {
+    Stream own = split_level(split(rng, Branch::pilot), level);
+    auto draw = sequence(level, own);
+    const double size = as_scalar(draw.difference);
+    record.difference(level, size, draw.work);
+    V coarse = debias::difference(draw.value, draw.difference);
+    return {{{std::move(draw.value), std::move(coarse), std::move(draw.difference)}, size != 0 ? 1.0 : 0.0},
+            draw.work,
+            level};
+  }
+};
+
+/// The shared base, D_k, and their sum.
+template <BiasedSequence S>
+struct SharedLevelDraw {
+  using V = sequence_value_t<S>;
+  const S& sequence;
+  std::int64_t level;
+  std::int64_t base_level;
+
+  Sample<Several<V, 3>> operator()(Stream& rng) const {
+    Stream own = split_level(split(rng, Branch::pilot), level);
+    auto both = sequence.shared(level, base_level, own);
+    V total = sum(both.base, both.difference);
+    return {{{std::move(both.base), std::move(both.difference), std::move(total)}, 0}, both.work, level};
+  }
+};
+
+/// One of the three of a LevelDraw or a SharedLevelDraw.
+struct Part {
+  std::vector<double> means;  // by component
+  double square_of_mean = 0;
+  double variance = 0;
+};
+Part part_of(const Statistics& statistics, std::size_t i);
+
+constexpr std::size_t strata_octaves = std::bit_width(static_cast<std::uint64_t>(StrataMoments::most_members)) - 1;
+
+/// Variances within 1, 2, 4, ... strata, of values in the order of these; a power of two of them, which are lost.
+void variances_within_strata(std::span<double> values, std::span<double> variances);
+StrataMoments strata_moments(const Statistics& statistics, std::int64_t members);
+
+/// Members of a level that run together: the variances of base and difference within strata.
+template <BatchesLevels S>
+struct TogetherDraw {
+  const S& sequence;
+  std::int64_t level;
+  std::int64_t base_level;
+  std::int64_t members;
+
+  Sample<Several<double, 2 * strata_octaves>> operator()(Stream& rng) const {
+    const Stream own = split(rng, Branch::pilot);
+    std::vector<double> bases;
+    std::vector<double> differences;
+    double work = 0;
+    for (std::int64_t j = 0; j < members;) {
+      const auto n = static_cast<std::size_t>(std::min<std::int64_t>(members - j, StreamBatch::capacity));
+      const auto streams_of = [&](std::int64_t k) {
+        return StreamBatch(own, static_cast<std::uint64_t>(j), n, static_cast<std::uint64_t>(k), j, members);
+      };
+      StreamBatch streams = streams_of(level);
+      if constexpr (BatchesShared<S>) {
+        std::array<SharedDraw<double>, StreamBatch::capacity> both;
+        sequence.shared(level, base_level, streams, std::span(both).first(n));
+        for (const SharedDraw<double>& draw : std::span(both).first(n)) {
+          bases.push_back(draw.base);
+          differences.push_back(draw.difference);
+          work += draw.work;
+        }
+      } else {
+        std::array<Term<double>, StreamBatch::capacity> terms;
+        const std::span<Term<double>> some = std::span(terms).first(n);
+        StreamBatch base_streams = streams_of(base_level);
+        sequence.values(base_level, base_streams, some);
+        for (const Term<double>& term : some) {
+          bases.push_back(term.value);
+          work += term.work;
+        }
+        if (level > 0) sequence.differences(level, streams, some);
+        for (const Term<double>& term : some) {
+          differences.push_back(term.value);
+          if (level > 0) work += term.work;
+        }
+      }
+      j += static_cast<std::int64_t>(n);
+    }
+    Several<double, 2 * strata_octaves> variances{};
+    variances_within_strata(bases, std::span(variances.parts).first(strata_octaves));
+    variances_within_strata(differences, std::span(variances.parts).last(strata_octaves));
+    return {variances, work, level};
+  }
+};
+
+constexpr std::int64_t draws_for_work = 16;
+
+template <BiasedSequence S>
+std::pair<double, double> mean_work(const S& sequence, std::int64_t level, const Plan& plan) {
+  double value = 0;
+  double difference = 0;
+  for (std::int64_t i = 0; i < draws_for_work; ++i) {
+    const Stream sample = split(Stream(plan.seed, static_cast<std::uint64_t>(i)), Branch::pilot);
+    Stream one = split_level(sample, level);
+    Stream two = split_level(sample, level);
+    value += value_of(sequence, level, one).work;
+    difference += difference_of(sequence, level, two).work;
+  }
+  constexpr double n = draws_for_work;
+  return {value / n, difference / n};
+}
+
+SharedMoments shared_moments(const Statistics& statistics);
+
+}  // namespace detail
+
+/// The erased levels of a sequence, which is copied.
+template <BiasedSequence S>
+LevelRuns level_runs(const S& sequence) {
+  LevelRuns runs;
+  runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
+    return estimate(detail::LevelDraw<S>{sequence, level}, plan);
+  };
+  runs.work = [sequence](std::int64_t level, const Plan& plan) {
+    return detail::mean_work(sequence, level, plan);
+  };
+  if constexpr (OffersSharedBase<S>) {
+    runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
+      return detail::shared_moments(
+          estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+    };
+  }
+  if constexpr (BatchesLevels<S>) {
+    runs.together = [sequence](std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan) {
+      return detail::strata_moments(estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
+    };
+  }
+  return runs;
+}
+
+}  // namespace debias

@@ -1,0 +1,403 @@
+// From the rows of a survey to what they say: rates, the answer, remarks.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <debias/survey.hpp>
+
+#include "../core/regression.hpp"
+
+namespace debias {
+namespace {
+
+// What a level may deviate from a pure power without being noticed, in octaves: exact moments bend a little.
+constexpr double octave_floor = 0.03;
+// Below these sizes beside I_k a difference is: too small to matter, or rounding, or zero in exact arithmetic.
+constexpr double negligible = 1e-10;
+constexpr double rounding_size = 1e-13;
+constexpr double chi_square_z = 3.1;  // a right fit fails once in a thousand
+constexpr double drift_z = 1.0;       // how far a slope may move when the shallowest level leaves
+constexpr double confidence_z = 2.6;  // of yes and no: wrong once in two hundred
+constexpr double needless_excess = 0.2;  // a law for beta - gamma below this part of gamma is none for practice
+constexpr std::size_t fewest_levels = 3;
+constexpr int fewest_for_no = 4;  // fitted levels, unless the deepest is among them
+constexpr std::size_t fewest_scattered = 4;
+
+// A fit of log2 y over the levels, from the shallowest on from which it is a line.
+struct RateFit {
+  Line line;
+  std::size_t first = 0;  // index of the first point that takes part
+  std::size_t count = 0;
+  double error = 0;  // of the slope, with what the scatter adds
+};
+
+// Wilson and Hilferty: chi-square as a normal deviate.
+double chi_square_deviate(double chi_square, int degrees) {
+  const double v = 2.0 / (9.0 * degrees);
+  return (std::cbrt(chi_square / degrees) - (1 - v)) / std::sqrt(v);
+}
+
+std::optional<RateFit> fit_tail(std::span<const double> x, std::span<const double> y,
+                                std::span<const double> errors) {
+  const auto fit_from = [&](std::size_t first) {
+    return fit_line(x.subspan(first), y.subspan(first), errors.subspan(first));
+  };
+  for (std::size_t first = 0; first + fewest_levels <= x.size(); ++first) {
+    const Line line = fit_from(first);
+    if (!(chi_square_deviate(line.chi_square, line.degrees) < chi_square_z)) continue;
+    if (first + fewest_levels < x.size()) {
+      // Without the shallowest level the slope moves by less than noise when the power law is exact [Hausman].
+      const Line next = fit_from(first + 1);
+      const double spread =
+          std::sqrt(next.slope_error * next.slope_error - line.slope_error * line.slope_error);
+      if (std::abs(next.slope - line.slope) > drift_z * spread) continue;
+    }
+    const double excess = std::max(1.0, line.chi_square / std::max(line.degrees, 1));
+    return RateFit{line, first, x.size() - first, line.slope_error * std::sqrt(excess)};
+  }
+  return std::nullopt;
+}
+
+struct Points {
+  std::vector<double> x, y, errors;
+  std::vector<std::size_t> rows;
+  void add(double at, double value, double error, std::size_t row) {
+    x.push_back(at);
+    y.push_back(std::log2(value));
+    errors.push_back(std::hypot(error, octave_floor));
+    rows.push_back(row);
+  }
+  [[nodiscard]] std::optional<RateFit> fit() const { return fit_tail(x, y, errors); }
+};
+
+double abscissa(const SurveyRow& row, Decay decay) {
+  const auto k = static_cast<double>(row.level);
+  return decay == Decay::geometric ? k : std::log2(k + 1);
+}
+
+double relative_error_in_octaves(double spread, std::int64_t draws) {
+  return std::sqrt(std::max(spread - 1, 0.0) / static_cast<double>(draws)) / std::log(2.0);
+}
+
+Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std::size_t>& usable,
+                      Decay decay) {
+  Points p;
+  for (const std::size_t i : usable) {
+    p.add(abscissa(rows[i], decay), rows[i].second_moment,
+          relative_error_in_octaves(rows[i].kurtosis, rows[i].draws), i);
+  }
+  return p;
+}
+
+std::string text_of(double x) {
+  std::ostringstream text;
+  text.precision(3);
+  text << x;
+  return text.str();
+}
+
+std::string levels_text(std::int64_t first, std::int64_t last) {
+  return first == last ? "level " + std::to_string(first)
+                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
+}
+
+class Conclusion {
+ public:
+  Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed) {
+    survey_.rows = std::move(rows);
+    survey_.seed = seed;
+  }
+
+  Survey draw() {
+    for (const SurveyRow& row : survey_.rows) {
+      survey_.work += static_cast<double>(row.draws) * std::max(row.difference_work, row.value_work);
+      survey_.seconds += static_cast<double>(row.draws) * row.seconds;
+      scale_ = std::max(scale_, std::sqrt(row.mean * row.mean + row.variance));
+    }
+    consistency();
+    if (!zeros()) rates();
+    return std::move(survey_);
+  }
+
+ private:
+  void remark(const std::string& text) { survey_.remarks.push_back(text); }
+
+  void consistency() {
+    auto& rows = survey_.rows;
+    double worst = 0;
+    std::int64_t where = 0;
+    for (std::size_t i = 1; i < rows.size(); ++i) {
+      SurveyRow& row = rows[i];
+      if (rows[i - 1].level + 1 != row.level) continue;
+      for (std::size_t c = 0; c < row.coarse.size(); ++c) {
+        const ComponentEstimate& below = rows[i - 1].values[c];
+        const double gap = row.coarse[c].mean - below.mean;
+        const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
+        const double z =
+            gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
+        if (!(std::abs(z) <= std::abs(row.consistency))) row.consistency = z;
+      }
+      if (!(std::abs(row.consistency) > worst) && !std::isnan(row.consistency)) continue;
+      worst = std::abs(row.consistency);
+      where = row.level;
+    }
+    if (worst <= 4.5) return;  // NaN does not pass
+    remark(
+        "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
+        "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
+        "from it is biased");
+  }
+
+  [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
+
+  // Differences that are zero, up to rounding, in every draw from some level on.
+  bool zeros() {
+    auto& rows = survey_.rows;
+    std::size_t first = rows.size();
+    while (first > 0 && rows[first - 1].level > 0 && !(size(rows[first - 1]) > rounding_size)) --first;
+    const std::size_t count = rows.size() - first;
+    if (count == 0 || first == 0) return false;
+    const SurveyRow& last = rows[first - 1];
+    if (last.level > 0 && last.nonzero < 0.5) {
+      remark(levels_text(rows[first].level, rows.back().level) +
+             " showed no difference but zero, after ever rarer ones: a rare event, not an exact level");
+      return false;
+    }
+    // A decay that has run out of digits is something else than differences that stop.
+    if (count < 2 || (last.level > 0 && size(last) < 1e-6)) return false;
+    survey_.rates.kind = RateKind::exact_zero;
+    faster_than_any();
+    work_rate(Decay::geometric);
+    survey_.law_exists = Answer::yes;
+    remark("the differences are zero from level " + std::to_string(rows[first].level) + " on");
+    return true;
+  }
+
+  void faster_than_any() {
+    constexpr double infinity = Rates::faster_than_any;
+    survey_.rates.mean = survey_.rates.variance = survey_.rates.fourth = {infinity, 0};
+  }
+
+  // Levels whose moments are known, large enough to matter, and not yet drowned in rounding.
+  std::vector<std::size_t> usable_rows(double floor) {
+    auto& rows = survey_.rows;
+    std::vector<std::size_t> usable;
+    std::size_t least = rows.size();
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const SurveyRow& row = rows[i];
+      if (row.level == 0 || !(row.second_moment > 0) || !std::isfinite(row.second_moment)) continue;
+      if (size(row) < floor) break;
+      if (size(row) < 1e-5 && least < rows.size() && row.second_moment > 2 * rows[least].second_moment) {
+        drowned_ = row.level;
+        while (!usable.empty() && usable.back() + 1 >= least) usable.pop_back();
+        break;
+      }
+      if (least == rows.size() || row.second_moment < rows[least].second_moment) least = i;
+      if (row.votes) usable.push_back(i);
+    }
+    return usable;
+  }
+
+  // What the levels above a floor say.
+  struct Fits {
+    std::vector<std::size_t> usable;
+    std::optional<RateFit> geometric;
+    std::optional<RateFit> polynomial;
+  };
+  Fits fits_above(double floor) {
+    Fits f;
+    f.usable = usable_rows(floor);
+    f.geometric = second_moments(survey_.rows, f.usable, Decay::geometric).fit();
+    // Decays like powers of the level beside work like powers of 2 would be new under the sun.
+    if (!(survey_.rates.work.value > 0.5)) {
+      f.polynomial = second_moments(survey_.rows, f.usable, Decay::polynomial).fit();
+    }
+    return f;
+  }
+
+  void rates() {
+    auto& rows = survey_.rows;
+    MeasuredRates& r = survey_.rates;
+    work_rate(Decay::geometric);
+    Fits fits = fits_above(negligible);
+    if (super_exponential(fits)) {
+      r.kind = RateKind::super_exponential;
+      faster_than_any();
+      survey_.law_exists = Answer::yes;
+      remark("the differences fall ever faster, beyond any power");
+      return;
+    }
+    if (!fits.geometric && !fits.polynomial) fits = fits_above(rounding_size);
+    const std::vector<std::size_t>& usable = fits.usable;
+    std::optional<RateFit>& g = fits.geometric;
+    const std::optional<RateFit>& p = fits.polynomial;
+    if (drowned_ > 0)
+      remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
+    if (!g && !p) g = scattered(usable);
+    if (!g && !p) {
+      constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+      r.mean = r.variance = r.fourth = {nan, 0};
+      remark("cannot tell the rates yet: " + std::to_string(usable.size()) +
+             " levels with enough draws for their kurtosis, no " + std::to_string(fewest_levels) +
+             " of them on a line; survey more levels, or more draws");
+      return;
+    }
+    // A power of the level only where a power of 2 explains clearly less: few levels look like either.
+    const bool is_polynomial = p && (!g || p->count > g->count + 1);
+    r.kind = is_polynomial ? RateKind::polynomial : RateKind::geometric;
+    const Decay decay = is_polynomial ? Decay::polynomial : Decay::geometric;
+    const RateFit& fit = is_polynomial ? *p : *g;
+    std::vector<std::size_t> fitted(usable.begin() + static_cast<std::ptrdiff_t>(fit.first), usable.end());
+    for (const std::size_t i : fitted) rows[i].fitted = true;
+    r.variance = {-fit.line.slope, fit.error};
+
+    Points fourth;
+    Points mean;
+    for (const std::size_t i : fitted) {
+      const SurveyRow& row = rows[i];
+      fourth.add(abscissa(row, decay), row.kurtosis * row.second_moment * row.second_moment,
+                 relative_error_in_octaves(std::pow(row.kurtosis, 2.25), row.draws), i);
+      const double share = row.difference_error / std::abs(row.difference);
+      if (share < 1.0 / 3) mean.add(abscissa(row, decay), std::abs(row.difference), share / std::log(2.0), i);
+    }
+    const Line line4 = fit_line(fourth.x, fourth.y, fourth.errors);
+    r.fourth = {-line4.slope, line4.slope_error};
+    if (const auto m = mean.fit()) {
+      r.mean = {-m->line.slope, m->error};
+    } else {
+      r.mean = {std::numeric_limits<double>::quiet_NaN(), 0};
+    }
+    work_rate(decay);
+    pre_asymptotic(fitted.front());
+    answer();
+    if (survey_.law_exists == Answer::no && is_polynomial && g && -g->line.slope > confidence_z * g->error) {
+      survey_.law_exists = Answer::cannot_tell;
+      remark("cannot tell yet whether a law exists: few levels, and a slow power of 2 looks like one of k");
+    }
+  }
+
+  // No line, but a trend: the deeper two thirds, and what they scatter around it.
+  std::optional<RateFit> scattered(const std::vector<std::size_t>& usable) {
+    const Points points = second_moments(survey_.rows, usable, Decay::geometric);
+    const std::size_t first = usable.size() / 3;
+    if (usable.size() - first < fewest_scattered) return std::nullopt;
+    const std::vector<double> equal(usable.size() - first, 1.0);
+    const std::span x(points.x);
+    const std::span y(points.y);
+    const Line line = fit_line(x.subspan(first), y.subspan(first), equal);
+    const double scatter = std::sqrt(line.chi_square / line.degrees);
+    remark("the second moments scatter around their decay by " + text_of(scatter) + " octaves");
+    return RateFit{line, first, equal.size(), line.slope_error * scatter};
+  }
+
+  // Every fall steeper than the one before, down to where nothing is left.
+  bool super_exponential(const Fits& fits) const {
+    const auto& usable = fits.usable;
+    if (usable.size() < 3 || (fits.geometric && fits.geometric->count > 3)) return false;
+    const auto& rows = survey_.rows;
+    if (usable.back() + 1 == rows.size()) return false;
+    double last = 0;
+    for (std::size_t i = usable.size() > 5 ? usable.size() - 5 : 0; i + 1 < usable.size(); ++i) {
+      const SurveyRow& a = rows[usable[i]];
+      const SurveyRow& b = rows[usable[i + 1]];
+      const double fall =
+          std::log2(a.second_moment / b.second_moment) / static_cast<double>(b.level - a.level);
+      if (!(fall > 1.03 * last)) return false;
+      last = fall;
+    }
+    return last > 4;
+  }
+
+  void work_rate(Decay decay) {
+    Points geometric;
+    Points polynomial;
+    for (std::size_t i = 0; i < survey_.rows.size(); ++i) {
+      const SurveyRow& row = survey_.rows[i];
+      if (row.level == 0 || !(row.difference_work > 0)) continue;
+      geometric.add(abscissa(row, Decay::geometric), row.difference_work, 0, i);
+      polynomial.add(abscissa(row, Decay::polynomial), row.difference_work, 0, i);
+    }
+    const auto g = geometric.fit();
+    const auto p = polynomial.fit();
+    const auto quality = [](const std::optional<RateFit>& f) {
+      return f ? f->line.chi_square / f->line.degrees : std::numeric_limits<double>::infinity();
+    };
+    const bool is_polynomial =
+        p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
+    if (decay == Decay::geometric && is_polynomial) {
+      survey_.rates.work = {0, 0};  // no power of 2 at all
+    } else if (decay == Decay::polynomial && is_polynomial) {
+      survey_.rates.work = {p->line.slope, p->error};
+    } else if (g) {
+      survey_.rates.work = {g->line.slope, g->error};
+    } else {
+      survey_.rates.work = {std::numeric_limits<double>::quiet_NaN(), 0};
+    }
+  }
+
+  void pre_asymptotic(std::size_t first_fitted) {
+    const auto& rows = survey_.rows;
+    std::int64_t first = -1;
+    std::int64_t last = -1;
+    for (std::size_t i = 0; i < first_fitted; ++i) {
+      if (rows[i].level == 0) continue;
+      if (first < 0) first = rows[i].level;
+      last = rows[i].level;
+    }
+    if (first >= 0) remark(levels_text(first, last) + " not yet asymptotic: left out of the fit");
+    first = -1;
+    for (std::size_t i = first_fitted; i < rows.size(); ++i) {
+      if (rows[i].votes || rows[i].second_moment == 0) continue;
+      if (first < 0) first = rows[i].level;
+      last = rows[i].level;
+    }
+    if (first >= 0) {
+      remark(levels_text(first, last) + " with fewer draws than 10 times their kurtosis: no vote in the fit");
+    }
+  }
+
+  void answer() {
+    const MeasuredRates& r = survey_.rates;
+    const ExponentRange range = finite_exponents(rates_of(r));
+    const double excess = range.high - range.low;
+    const double error = confidence_z * std::hypot(r.variance.error, r.work.error);
+    if (excess - error > 0) {
+      survey_.law_exists = Answer::yes;
+    } else if (excess + error < needless_excess * std::max(r.work.value, 0.0) || excess + error < 0) {
+      survey_.law_exists = Answer::no;
+      // Some shallow levels that do not decay yet look like no decay at all.
+      const auto fitted = std::count_if(survey_.rows.begin(), survey_.rows.end(),
+                                        [](const SurveyRow& row) { return row.fitted; });
+      if (fitted < fewest_for_no && !survey_.rows.back().fitted) {
+        survey_.law_exists = Answer::cannot_tell;
+        remark("cannot tell yet whether a law exists: " + std::to_string(fitted) +
+               " levels, all of them shallow, do not decay fast enough; survey with more draws");
+      }
+    } else {
+      survey_.law_exists = Answer::cannot_tell;
+      remark("cannot tell yet whether a law exists: beta - gamma leaves " + text_of(excess) + " +- " +
+             text_of(error / confidence_z) + "; survey more levels, or more draws");
+    }
+  }
+
+  Survey survey_;
+  double scale_ = 0;
+  std::int64_t drowned_ = 0;  // the first level below which rounding is what is left
+};
+
+}  // namespace
+
+Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed) {
+  return Conclusion(std::move(rows), seed).draw();
+}
+
+}  // namespace debias
