@@ -24,12 +24,13 @@ may_include() {
     # the laws of published schedules
     transmittance) echo "$no_runner|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
-    survey | diagnostics) echo 'core/.*' ;;
-    multilevel) echo 'core/.*|survey|diagnostics' ;;
+    survey | survey/*) echo 'core/.*|survey|survey/levels' ;;
+    diagnostics) echo 'core/.*' ;;
+    multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
     recipe | recipe/*) echo 'recipe/.*|core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
-    catalog | catalog/*) echo '(core|pmf|estimators|catalog|sde)/.*|[a-z_]*' ;;
+    catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
     cli/* | render/* | mpi/* | python/*) echo '.*' ;;
     *) echo "$no_runner" ;;
   esac

@@ -14,7 +14,7 @@
 
 #include <debias/survey.hpp>
 
-#include "../core/regression.hpp"
+#include "core/regression.hpp"
 
 namespace debias {
 namespace {
