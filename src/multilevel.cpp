@@ -80,6 +80,8 @@ class Driver {
       part.first = level.draws;
       part.samples = missing_[l];
       part.goal = {};
+      part.save = {};
+      part.earlier = {};
       const Statistics s = runs_.draw(static_cast<std::int64_t>(l), part);
       // Components of I_l, of its coarse partner and of D_l, then a flag: see Several.
       const std::size_t each = (s.components.size() - 1) / 3;

@@ -206,7 +206,7 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   }
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
-  return std::max(2.0, advice.predicted.variance / (error * error));
+  return std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no standard error
 }
 
 std::string rate_text(const MeasuredRates& r) {
@@ -320,6 +320,8 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   pilot.samples = std::int64_t{1} << 16;
   pilot.first = 0;
   pilot.goal = {};
+  pilot.save = {};
+  pilot.earlier = {};
   double work = 0;
   const LevelRuns runs = remembering(levels, work);
   const double unit = runs.work(lowest, pilot).first;
@@ -392,14 +394,9 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   }
   Plan run = plan;
   run.samples = advice.members / advice.block;
-  run.goal = {};
-  // How long a block takes is known only from blocks, and what it varies by where its members run together: they are
-  // stratified once more, over their first number, and levels know nothing of that.
-  if (plan.goal.seconds > 0) {
-    run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
-  } else if (advice.runs_together) {
-    run.goal = plan.goal;
-  }
+  // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
+  // prediction is the best of some, and the luckiest.
+  if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
   return run;
 }
 

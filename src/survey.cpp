@@ -40,7 +40,10 @@ const char* name_of(RateKind kind) {
 }
 
 SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& plan) {
-  const Statistics s = runs.draw(level, plan);
+  Plan draws = plan;  // no part of what a plan keeps
+  draws.save = {};
+  draws.earlier = {};
+  const Statistics s = runs.draw(level, draws);
   const detail::Part value = detail::part_of(s, 0);
   const detail::Part difference = detail::part_of(s, 2);
   const auto n = static_cast<double>(s.samples);

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <complex>
 #include <cstdint>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -14,6 +15,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/multilevel.hpp>
 #include <debias/recipe.hpp>
+#include <debias/recipe/model.hpp>
 
 #include "catalog.hpp"
 
@@ -339,6 +341,67 @@ TEST_CASE("the tail index of a run is 1 - beta over 2 theta", "[recipe][statisti
     CAPTURE(theta, xi, verdict.upper.k, verdict.lower.k);
     CHECK(std::abs(verdict.upper.k - xi) < 0.1);
     CHECK(std::abs(verdict.lower.k - xi) < 0.1);
+  }
+}
+
+TEST_CASE("on the whole catalogue a recipe predicts no less than its run has, and no more than the best draws without strata",
+          "[recipe][stat]") {
+  std::vector<std::string> too_good;
+  std::vector<std::string> too_bad;
+  int usable = 0;
+  for (const catalog::Problem& p : catalog::problems()) {
+    const Plan plan{.samples = 1 << 15, .seed = 3};
+    const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
+    if (!advice.usable()) continue;
+    ++usable;
+    const Statistics s = run_by(advice, p, plan);
+    const double predicted = advice.predicted.product();
+    const double rounding = 1e-25 * s.components[0].mean * s.components[0].mean * advice.predicted.work;
+    // The law of the waiting time, of too short a pilot, has infinite variance.
+    if (predicted < 0.5 * measured_product(s) - rounding && p.id != "H02") too_good.push_back(p.id);
+    const LevelModel model = model_of(advice.survey);
+    double roots = 0;
+    for (std::size_t k = 0; k < model.size(); ++k) {
+      roots += std::sqrt((model.variance[k] + model.mean_square[k]) * model.work[k]);
+    }
+    if (!(predicted > 0 && predicted < 2 * roots * roots)) too_bad.push_back(p.id);
+  }
+  CAPTURE(usable, too_good, too_bad);
+  CHECK(usable > 60);
+  CHECK(too_good.empty());
+  CHECK(too_bad.empty());
+}
+
+TEST_CASE("a recipe keeps the samples of its run, none of its pilot", "[recipe][exact]") {
+  RunState held(default_chunk);
+  int saves = 0;
+  Plan plan{.samples = 1 << 14, .seed = 4};
+  plan.save = [&](const RunState& finished, const Plan&) {
+    held = finished;
+    ++saves;
+  };
+  const auto run = estimate(recipe(Chosen{3}), plan);
+  CHECK(saves == 1);
+  CHECK(held.total().moments.count == run.samples);
+  plan.earlier = std::make_shared<RunState>(held);
+  CHECK(estimate(recipe(Chosen{3}), plan).mean == run.mean);
+  plan.earlier = {};
+  saves = 0;
+  multilevel(level_runs(Chosen{3}), 0.1, plan);
+  CHECK(saves == 0);
+}
+
+TEST_CASE("no goal ends a recipe with a handful of samples", "[recipe][stat]") {
+  for (const auto& [id, error] : {std::pair("F06", 0.06), {"E10", 0.3}, {"E10", 0.1}, {"M01", 0.1}, {"M02", 0.1}, {"B08", 0.01}, {"D07", 0.1}, {"D08", 0.1}}) {
+    const catalog::Problem& p = catalog::find(id);
+    for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+      const Plan plan{.seed = seed, .goal = {.error = error}};
+      const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
+      const Statistics s = run_by(advice, p, plan);
+      CAPTURE(id, error, seed, s.samples, s.components[0].mean - p.truth, s.components[0].standard_error);
+      CHECK(s.samples >= 64);
+      CHECK(std::abs(s.components[0].mean - p.truth) < 4.5 * error);
+    }
   }
 }
 

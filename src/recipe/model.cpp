@@ -100,8 +100,9 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
       a[k] = fall * a[k - 1];
     }
     if (measured) seen = a[k];
-    a[k] =
-        std::max(a[k], std::max(1e-30 * scale, std::numeric_limits<double>::min()) * std::pow(fall, level));
+    // Zeros get a floor, and so a mass. Not on the line: a steep law would find more in the floor than in the decay.
+    constexpr double least = std::numeric_limits<double>::min();
+    a[k] = std::max(a[k], beyond ? least : std::max(1e-30 * scale, least) * std::pow(fall, level));
   }
   return a;
 }
@@ -151,17 +152,14 @@ double tail_exponent_for(const MeasuredRates& r) {
 
 namespace {
 
-// The limit, as well as the levels know it; beyond them the means go on as the model says, with the last sign.
-double limit_of(const Survey& survey, const LevelModel& model) {
-  double sum = survey.rows.front().mean;
-  double last = 0;
-  for (const SurveyRow& r : survey.rows) {
-    if (r.level == 0 || !r.votes) continue;
-    sum += r.difference;
-    last = r.difference;
-  }
-  for (std::size_t k = survey.rows.size(); k < model.size(); ++k) {
-    sum += std::copysign(std::sqrt(model.mean_square[k]), last);
+// What the differences above the base add up to. Their sizes are those of the model, whose squares are the variance that
+// this is subtracted from: with others the rest could be negative. Beyond the survey they have the last sign.
+double sum_above(std::int64_t base_level, const Survey& survey, const LevelModel& model) {
+  double sum = 0;
+  double sign = 1;
+  for (auto k = static_cast<std::size_t>(base_level) + 1; k < model.size(); ++k) {
+    if (k < survey.rows.size() && survey.rows[k].votes) sign = survey.rows[k].difference;
+    sum += std::copysign(std::sqrt(model.mean_square[k]), sign);
   }
   return sum;
 }
@@ -192,7 +190,7 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
   t.mean_square = slice(model.mean_square);
   t.work = slice(model.work);
   const bool shared = setup.base == Base::always && runs.shared;
-  const double limit = limit_of(survey, model);
+  const double above = sum_above(setup.base_level, survey, model);
   if (setup.base == Base::drawn) {
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
@@ -201,9 +199,9 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     if (t.variance[0] + t.mean_square[0] == 0) {
       t.variance[0] = never_seen * (t.variance[1] + t.mean_square[1] + std::numeric_limits<double>::min());
     }
-    if (t.block == 1) t.fixed_variance = -limit * limit;
+    if (t.block == 1) t.fixed_variance = -(base.mean + above) * (base.mean + above);
   } else {
-    if (t.block == 1) t.fixed_variance = -(limit - base.mean) * (limit - base.mean);
+    if (t.block == 1) t.fixed_variance = -above * above;
     if (!shared) {
       t.fixed_variance += base.variance;
       t.fixed_work = base.value_work;

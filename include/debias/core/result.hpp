@@ -51,7 +51,7 @@ struct Plan {
   int threads = 0;  ///< 0: as many as the machine has
   /// Called on the calling thread with the number of finished samples; return false to give up (Interrupted).
   std::function<bool(std::int64_t done)> progress = {};
-  Goal goal = {};  ///< takes the place of `samples`, which then says how long its first pilot is: 1/64, 64 to 1024
+  Goal goal = {};  ///< takes the place of `samples`, which then says how long its first pilot is: 1/8, 64 to 1024
   /// Called on the calling thread about once a second, where the run ends and where it is interrupted, with the sums of
   /// the finished chunks and the plan that they belong to: what a later run with `earlier` goes on from.
   std::function<void(const RunState& finished, const Plan& plan)> save = {};
