@@ -19,6 +19,17 @@ check "a run with a goal says the same" same "$(answer run A03 --error 2e-3 --ch
 check "and again" same "$(answer resume g)" "$(answer run A03 --error 2e-3)"
 check "a tighter goal is the run of that goal" same "$(answer resume g --error 1e-3)" "$(answer run A03 --error 1e-3)"
 
+answer run A03 --samples 2000 --base-level 12 --checkpoint gp > /dev/null
+held=$(answer resume gp)
+"$debias" resume gp --error 1e-6 > /dev/null 2>err &
+pid=$!
+sleep 0.3
+kill -TERM $pid
+wait $pid
+check "a goal tightened is stopped in its pilot" same $? 130
+check "and has to be asked for again" has "the new goal again" err
+check "what was there is there" same "$(answer resume gp)" "$held"
+
 # ---- killed
 long=$(answer run E02 --samples 6000000)
 "$debias" run E02 --samples 6000000 --checkpoint k --threads 1 >/dev/null 2>&1 &
@@ -71,7 +82,8 @@ check "a folder to write" refused_by 5 "directory" run A03 --checkpoint .
 check "a folder that is not there" refused_by 5 "No such file" run A03 --checkpoint no/file
 check "a device" refused_by 5 "checkpoint" run A03 --checkpoint /dev/full
 check "a run is not overwritten" refused_by 5 "debias resume t" run A03 --samples 1e3 --checkpoint t
-check "nor is another one" refused_by 5 "another run" run A03 --samples 1e3 --seed 2 --checkpoint t
+check "nor is another one" refused_by 5 "choose another name" run A03 --samples 1e3 --seed 2 --checkpoint t
+check "nor is one with a goal" refused_by 5 "debias resume g" run A03 --error 2e-3 --checkpoint g
 check "nor is a file of another kind" refused_by 5 "no checkpoint" run A03 --checkpoint empty
 check "samples are not thrown away" refused_by 2 "ask for more" resume t --samples 500
 check "two wishes" refused_by 2 "leave one out" resume t --samples 5000 --error 1
@@ -118,6 +130,10 @@ for samples in 1000 4096 4097 50000 200000; do
   done
 done
 check "in another order" same "$(answer merge part3 part1 part5 part2 part4 --checkpoint union)" "$expected"
+check "a union is not put over a run" refused_by 5 "choose another name" merge part3 part1 part5 part2 part4 --checkpoint t
+echo precious > notes
+check "nor over anything else" refused_by 5 "no checkpoint" merge part3 part1 part5 part2 part4 --checkpoint notes
+check "which stays" same "$(cat notes)" precious
 check "the union is a run like any other" same "$(answer resume union --samples 3e5)" "$(answer run A03 --samples 3e5)"
 check "a shard that is missing" refused_by 5 "are missing" merge part1 part2 part4 part5
 check "a shard twice" refused_by 5 "both results hold" merge part1 part1

@@ -101,7 +101,7 @@ def look(path):
 def state(path):
     """Inode and size of the file and of its successor, which may go at any moment."""
     found = []
-    for p in (path, path + ".new"):
+    for p in (path, path + ".debias-new"):
         try:
             found.append(os.stat(p)[1::5])
         except FileNotFoundError:
@@ -146,7 +146,7 @@ with tempfile.TemporaryDirectory() as folder:
                 break
             launched.update([ranks])
             kills, torn, with_records = kills + 1, torn + (rest > 0), with_records + (held > 0)
-            successors += os.path.exists(path + ".new")
+            successors += os.path.exists(path + ".debias-new")
         if ended != expected or expected[0] != 0:
             failures.append(f"another result: {words}, exit code {ended[0]} for {expected[0]}")
 stuck = launched.pop("stuck", 0)

@@ -91,9 +91,19 @@ RunState::Range range_of(const Arguments& a, std::int64_t samples) {
 // True on the one process that touches files.
 bool leads(const Arguments& a) { return a.ranks == nullptr || a.ranks->leads(); }
 
-// Runs what the words say from the state on. `path` may be empty. A `pilot` fixes the samples. The words on disk are those
-// of the command until the first samples are there, and then those of the very run: its law and its samples.
-int go_on(KeptRun run, const Arguments& how, const std::string& path, bool pilot, std::int64_t least_samples) {
+// A file is written over by its own run only.
+void refuse_existing(const Arguments& a) {
+  struct stat status = {};
+  if (!leads(a) || stat(a.checkpoint.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return;
+  load(a.checkpoint);  // says what is wrong with it
+  throw FileError("--checkpoint '" + a.checkpoint + "': holds a run already; go on with `debias resume " + a.checkpoint +
+                  "`, or choose another name");
+}
+
+// Runs what the words say from the state on. `path` may be empty. A `pilot` fixes the samples. The text on disk is the one
+// given until the first samples are there, and then that of the very run: its law and its samples.
+int go_on(KeptRun run, const Arguments& how, const std::string& path, const std::string& text, bool pilot,
+          std::int64_t least_samples) {
   const catalog::Problem& problem = catalog::find(run.words.problem);
   keep_apart(how.output, path);
   Output out(how.output);
@@ -111,7 +121,9 @@ int go_on(KeptRun run, const Arguments& how, const std::string& path, bool pilot
     asked.samples = "auto";
   }
   std::optional<CheckpointWriter> writer;
-  if (!path.empty() && leads(how)) writer.emplace(path, text_of(run.words), run.state ? parts_of(*run.state) : Parts());
+  if (!path.empty() && leads(how)) writer.emplace(path, text, run.state ? parts_of(*run.state) : Parts());
+  bool named = false;
+  const bool asks_anew = text != text_of(run.words);
   const auto prepare = [&](const catalog::Choice& choice, const Advice* advice, Plan& plan) {
     if (run.state) {
       plan.earlier = std::make_shared<RunState>(*run.state);
@@ -125,10 +137,11 @@ int go_on(KeptRun run, const Arguments& how, const std::string& path, bool pilot
     }
     if (advice != nullptr) spell_out(run.words, choice);
     if (!writer) return;
-    plan.save = [&, samples, named = !pilot && advice == nullptr](const RunState& state, const Plan& now) mutable {
+    named = !pilot && advice == nullptr;
+    plan.save = [&, samples](const RunState& state, const Plan& now) {
       if (named) return writer->save(parts_of(state));
       run.words.samples = std::to_string(pilot ? now.samples : samples);
-      writer.emplace(path, text_of(run.words), parts_of(state));
+      writer->restart(text_of(run.words), parts_of(state));
       named = true;
     };
   };
@@ -138,7 +151,10 @@ int go_on(KeptRun run, const Arguments& how, const std::string& path, bool pilot
     if (goal) result.statistics.goal = *goal;
     return finish(result, how, out);
   } catch (const Interrupted&) {
-    if (writer) complain("what is finished is on disk; go on with `debias resume " + path + "`");
+    if (writer) {
+      complain("what is finished is on disk; go on with `debias resume " + path + "`" +
+               (asks_anew && !named ? ", and ask for the new goal again" : ""));
+    }
     throw;
   } catch (const std::system_error& e) {
     throw FileError(std::string("--checkpoint: ") + e.what());
@@ -162,16 +178,9 @@ int run_with_checkpoint(const Arguments& arguments) {
   w.seed = std::to_string(plan.seed);
   if (!plan.goal.asked()) w.samples = std::to_string(plan.samples);
   range_of(w, plan.samples);
-  struct stat status = {};
-  if (leads(arguments) && stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode)) {
-    const Loaded file = load(path);
-    const std::string there = text_of(file.command, file.arguments);
-    throw FileError("--checkpoint '" + path + "': " +
-                    (there == text_of(w) ? "holds this run already; go on with `debias resume " + path + "`"
-                                         : "holds another run; choose another name"));
-  }
+  refuse_existing(arguments);
   try {
-    return go_on({w, std::nullopt}, arguments, path, plan.goal.asked(), 0);
+    return go_on({w, std::nullopt}, arguments, path, text_of(w), plan.goal.asked(), 0);
   } catch (const std::system_error& e) {
     throw FileError(std::string("--checkpoint: ") + e.what());
   }
@@ -251,9 +260,10 @@ int resume(const Arguments& arguments) {
     least = static_cast<std::int64_t>(
         parse_count(file.words.samples, "samples", 1, std::numeric_limits<std::int64_t>::max()));
   }
+  const std::string text = text_of(new_goal ? file.words : w);  // no goal whose samples are not known
   file.words = std::move(w);
   try {
-    return go_on(std::move(file), arguments, arguments.file, pilot, least);
+    return go_on(std::move(file), arguments, arguments.file, text, pilot, least);
   } catch (const std::system_error& e) {
     throw FileError(e.what());
   }
@@ -298,8 +308,9 @@ int merge(const Arguments& arguments) {
                     (gaps.size() > 4 ? " and more" : "") +
                     " are missing; add the other shards, or finish them with `debias resume`");
   }
+  refuse_existing(arguments);
   try {
-    return go_on(std::move(whole), arguments, arguments.checkpoint, false, 0);
+    return go_on(std::move(whole), arguments, arguments.checkpoint, text, false, 0);
   } catch (const std::system_error& e) {
     throw FileError(std::string("--checkpoint: ") + e.what());
   }

@@ -230,6 +230,10 @@ void demand_regular(const struct stat& status, const std::string& path) {
   fail(S_ISDIR(status.st_mode) ? path : path + "' is no regular file: '" + path);
 }
 
+}  // namespace
+
+namespace detail {
+
 class File {
  public:
   File(const std::string& path, int flags) : path_(path), descriptor_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
@@ -273,6 +277,12 @@ class File {
   std::string path_;
   int descriptor_;
 };
+
+}  // namespace detail
+
+namespace {
+
+using detail::File;
 
 // Where the header and the records end that say how long they are: a tail of a terabyte is not read.
 std::uint64_t end_of_records(const File& file, std::uint64_t size) {
@@ -397,17 +407,36 @@ void CheckpointWriter::write_whole() {
     fail(path_);
   }
   const Bytes bytes = encode(text_, parts_);
-  const std::string temporary = path_ + ".new";
+  const std::string temporary = path_ + ".debias-new";
   unlink(temporary.c_str());  // of a run that was killed; never written into, since it could be another run's
-  {
-    const File file(temporary, O_WRONLY | O_CREAT | O_EXCL);
-    file.write_all(bytes);
-    inode_ = file.status().st_ino;
-  }
+  auto file = std::make_unique<File>(temporary, O_WRONLY | O_CREAT | O_EXCL | O_APPEND);
+  file->write_all(bytes);
   if (rename(temporary.c_str(), path_.c_str()) != 0) fail(path_);
   const std::size_t slash = path_.rfind('/');
   File(slash == std::string::npos ? "." : path_.substr(0, slash + 1), O_RDONLY | O_DIRECTORY).sync();
   least_size_ = size_ = bytes.size();
+  own_ = std::move(file);
+}
+
+CheckpointWriter::~CheckpointWriter() = default;
+
+// False where it was deleted. Records of two runs in one file would be a wrong result.
+bool CheckpointWriter::is_there() const {
+  struct stat status = {};
+  if (stat(path_.c_str(), &status) != 0) {
+    if (errno == ENOENT) return false;
+    fail(path_);
+  }
+  const struct stat own = own_->status();
+  if (status.st_ino == own.st_ino && status.st_dev == own.st_dev) return true;
+  throw std::system_error(EEXIST, std::generic_category(), "'" + path_ + "': another run has put a file of its own here");
+}
+
+void CheckpointWriter::restart(std::string text, Parts parts) {
+  is_there();
+  text_ = std::move(text);
+  parts_ = std::move(parts);
+  write_whole();
 }
 
 void CheckpointWriter::save(const Parts& parts) {
@@ -417,13 +446,8 @@ void CheckpointWriter::save(const Parts& parts) {
     const Bytes record = record_of(name, contents);
     bytes.insert(bytes.end(), record.begin(), record.end());
   }
-  if (size_ + bytes.size() > 4 * least_size_ + most_waste) return write_whole();
-  if (access(path_.c_str(), F_OK) != 0 && errno == ENOENT) return write_whole();  // it was deleted
-  const File file(path_, O_WRONLY | O_APPEND);
-  if (file.status().st_ino != inode_) {
-    throw std::system_error(EEXIST, std::generic_category(), "'" + path_ + "': another run has put a file of its own here");
-  }
-  file.write_all(bytes);
+  if (!is_there() || size_ + bytes.size() > 4 * least_size_ + most_waste) return write_whole();
+  own_->write_all(bytes);
   size_ += bytes.size();
 }
 

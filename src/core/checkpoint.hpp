@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 
@@ -44,26 +45,37 @@ Bytes encode(const std::string& text, const Parts& parts);
 Bytes encode(RunState state);
 RunState decode(std::span<const std::byte> bytes, bool whole = true);
 
+namespace detail {
+class File;
+}
+
 /// Writes the records of one file. All members throw std::system_error where the disk refuses.
 class CheckpointWriter {
  public:
   /// Puts a file with the text and the parts at `path` at once: a path that cannot be written is found out before
   /// the hours of a run.
   CheckpointWriter(std::string path, std::string text, Parts parts = {});
-  /// Parts that are new, or have grown: on disk when it returns.
+  ~CheckpointWriter();
+  CheckpointWriter(const CheckpointWriter&) = delete;
+  CheckpointWriter& operator=(const CheckpointWriter&) = delete;
+  /// Parts that are new, or have grown: on disk when it returns. Throws std::system_error where another run has put a file
+  /// of its own at the path.
   void save(const Parts& parts);
+  /// The same file with another text, and with these parts alone.
+  void restart(std::string text, Parts parts);
 
   static constexpr std::size_t most_waste = 1 << 20;  // bytes of records that no longer count, beside four times the rest
 
  private:
   void write_whole();
+  bool is_there() const;
 
   std::string path_;
   std::string text_;
   Parts parts_;
   std::size_t size_ = 0;
   std::size_t least_size_ = 0;
-  std::uint64_t inode_ = 0;  ///< of the file: records of two runs in one would be a wrong result
+  std::unique_ptr<detail::File> own_;  ///< the file, held open: another one at the path is told by it
 };
 
 }  // namespace debias

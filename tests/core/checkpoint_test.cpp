@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -110,11 +111,35 @@ TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole recor
   std::filesystem::remove(path);
 }
 
+TEST_CASE("a longer run that stops in the chunk it has to draw again leaves what was saved", "[core][checkpoint][exact]") {
+  const auto part = estimate(draw, {.samples = 600, .seed = 5});
+  RunState held = part.state;
+  Plan plan{.samples = 1100, .seed = 5, .threads = 1};
+  plan.earlier = std::make_shared<RunState>(held);
+  plan.save = [&](const RunState& finished, const Plan&) { held = finished; };
+  std::int64_t left = 50;  // samples until it fails
+  const auto failing = [&](Stream& rng) { return left-- > 0 ? draw(rng) : throw std::runtime_error("no more"); };
+  CHECK_THROWS_AS(estimate(failing, plan), SampleError);
+  plan.earlier = std::make_shared<RunState>(held);
+  const auto resumed = estimate(draw, plan);
+  const auto whole = estimate(draw, {.samples = 1100, .seed = 5});
+  CHECK(resumed.mean == whole.mean);
+  CHECK(resumed.upper_tail == whole.upper_tail);
+  CHECK(resumed.lower_tail == whole.lower_tail);
+}
+
 TEST_CASE("a checkpoint that is deleted comes back, and the file of another run is left alone", "[core][checkpoint][exact]") {
   const std::string path = temporary("checkpoint_lost");
   const Bytes sums = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
   CheckpointWriter writer(path, "one run");
   writer.save({{"run", sums}});
+  std::filesystem::remove(path);
+  {
+    const CheckpointWriter quick(path, "a quick run");  // at once: its file must not be taken for the one that went
+    CHECK_THROWS_AS(writer.save({{"other", sums}}), std::system_error);
+    CHECK_THROWS_AS(writer.restart("more of one run", {}), std::system_error);
+  }
+  CHECK(read_checkpoint(path).text == "a quick run");
   std::filesystem::remove(path);
   writer.save({{"other", sums}});
   CHECK(read_checkpoint(path).parts == Parts{{"run", sums}, {"other", sums}});
