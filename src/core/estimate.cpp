@@ -208,7 +208,7 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
   const auto save = [&] {
     RunState finished = work.finished();
     // Extremes that hold the samples of a cut chunk without its sums would count them twice.
-    if (known > 0 && !finished.missing({known / chunk * chunk, known}).empty()) return;
+    if (known > 0 && !finished.missing({std::max(plan.first, known / chunk * chunk), known}).empty()) return;
     finished.seconds = seconds_now();
     plan.save(finished, plan);
     const double ended = seconds_now();

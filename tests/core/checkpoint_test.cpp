@@ -112,20 +112,30 @@ TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole recor
 }
 
 TEST_CASE("a longer run that stops in the chunk it has to draw again leaves what was saved", "[core][checkpoint][exact]") {
-  const auto part = estimate(draw, {.samples = 600, .seed = 5});
-  RunState held = part.state;
-  Plan plan{.samples = 1100, .seed = 5, .threads = 1};
-  plan.earlier = std::make_shared<RunState>(held);
-  plan.save = [&](const RunState& finished, const Plan&) { held = finished; };
-  std::int64_t left = 50;  // samples until it fails
-  const auto failing = [&](Stream& rng) { return left-- > 0 ? draw(rng) : throw std::runtime_error("no more"); };
-  CHECK_THROWS_AS(estimate(failing, plan), SampleError);
-  plan.earlier = std::make_shared<RunState>(held);
-  const auto resumed = estimate(draw, plan);
-  const auto whole = estimate(draw, {.samples = 1100, .seed = 5});
-  CHECK(resumed.mean == whole.mean);
-  CHECK(resumed.upper_tail == whole.upper_tail);
-  CHECK(resumed.lower_tail == whole.lower_tail);
+  for (const auto& [first, samples] : {std::pair<std::int64_t, std::int64_t>{0, 600}, {300, 100}, {300, 900}}) {
+    RunState held = estimate(draw, {.samples = samples, .seed = 5, .first = first}).state;
+    Plan plan{.samples = 3000, .seed = 5, .first = first, .threads = 1};
+    const auto whole = estimate(draw, plan);
+    int saves = 0;
+    plan.save = [&](const RunState& finished, const Plan&) {
+      held = finished;
+      ++saves;
+    };
+    for (const std::int64_t most : {50, 700, 10'000}) {  // in the cut chunk, behind it, and to the end
+      plan.earlier = std::make_shared<RunState>(held);
+      std::int64_t left = most;
+      const auto failing = [&](Stream& rng) { return left-- > 0 ? draw(rng) : throw std::runtime_error("no more"); };
+      if (most < 3000) {
+        CHECK_THROWS_AS(estimate(failing, plan), SampleError);
+        CHECK(saves == (most == 50 ? 0 : 1));
+        continue;
+      }
+      const auto resumed = estimate(draw, plan);
+      CHECK(resumed.mean == whole.mean);
+      CHECK(resumed.upper_tail == whole.upper_tail);
+      CHECK(resumed.lower_tail == whole.lower_tail);
+    }
+  }
 }
 
 TEST_CASE("a checkpoint that is deleted comes back, and the file of another run is left alone", "[core][checkpoint][exact]") {
