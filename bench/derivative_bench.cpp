@@ -43,11 +43,9 @@ void plain_random_sine() {
     const double first = (std::sin(2.5 * u) - std::sin(u)) / 1.5;
     const double v = rng.uniform();
     const double here = std::sin(v);
-    return first +
-           ((std::sin((1 + fine) * v) - here) / fine - (std::sin((1 + coarse) * v) - here) / coarse) / p;
+    return first + ((std::sin((1 + fine) * v) - here) / fine - (std::sin((1 + coarse) * v) - here) / coarse) / p;
   };
-  register_comparison("finite_difference/random_sine", single_term(finite_difference(f, 1.0), Geometric(0.5)),
-                      plain);
+  register_comparison("finite_difference/random_sine", single_term(finite_difference(f, 1.0), Geometric(0.5)), plain);
 }
 
 const bool registered = [] {

@@ -28,10 +28,10 @@
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
 #include <debias/linear_operators.hpp>
-#include <debias/transmittance.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/reciprocal.hpp>
+#include <debias/transmittance.hpp>
 
 #include "against_loops.hpp"
 #include "baseline_exponential.hpp"
@@ -197,10 +197,8 @@ void transmittance(benchmark::State& state) {
             [f, g, base](Stream& n, Stream& at) { return plain::telescoping_comb(f, g, base, 2.0 / 3, n, at); }),
       rival("ratio tracking", [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); }),
       rival("p-series cumulative", [f, a](Stream& n, Stream& at) { return plain::p_series_cumulative(f, a, n, at); }),
-      rival("p-series CMF",
-            [f, a, k = static_cast<int>(poisson_quantile(a, 0.99))](Stream& n, Stream& at) {
-              return plain::p_series_cmf(f, a, k, n, at);
-            }),
+      rival("p-series CMF", [f, a, k = static_cast<int>(poisson_quantile(a, 0.99))](
+                                Stream& n, Stream& at) { return plain::p_series_cmf(f, a, k, n, at); }),
   };
   const auto sequence = function_of_integral(Batched<F>(4), g);
   using S = std::remove_cvref_t<decltype(sequence)>;

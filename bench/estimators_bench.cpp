@@ -23,11 +23,11 @@ const bool registered = [] {
   for (const catalog::Problem& problem : catalog::problems()) {
     for (const catalog::Choice& choice : catalog::choices(problem)) {
       if (choice.special.empty() && !law_exists(problem.rates)) continue;
-      const std::string name = problem.name + "/" + std::string(catalog::name_of(choice)) + "/base_" +
-                               std::to_string(choice.base_level);
-      benchmark::RegisterBenchmark(
-          name.c_str(), [&problem, choice](benchmark::State& state) { run(state, problem, choice); })
-          ->Unit(benchmark::kMillisecond);
+      const std::string name =
+          problem.name + "/" + std::string(catalog::name_of(choice)) + "/base_" + std::to_string(choice.base_level);
+      benchmark::RegisterBenchmark(name.c_str(), [&problem, choice](benchmark::State& state) {
+        run(state, problem, choice);
+      })->Unit(benchmark::kMillisecond);
     }
   }
   return true;

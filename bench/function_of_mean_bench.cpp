@@ -36,19 +36,17 @@ template <class F>
 void register_comb(double tau) {
   const F f(tau);
   const Geometric law = Geometric::with_exponent(2.5);
-  register_comparison(
-      std::string("telescoping_comb/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau)),
-      single_term(function_of_integral(f, functions::ExpMinus{}), law, {.base_level = 2}),
-      [f, r = law.mass(0), base = 2](Stream& n, Stream& at) {
-        return plain::telescoping_comb(f, functions::ExpMinus{}, base, r, n, at);
-      });
+  register_comparison(std::string("telescoping_comb/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau)),
+                      single_term(function_of_integral(f, functions::ExpMinus{}), law, {.base_level = 2}),
+                      [f, r = law.mass(0), base = 2](Stream& n, Stream& at) {
+                        return plain::telescoping_comb(f, functions::ExpMinus{}, base, r, n, at);
+                      });
 }
 
 // ---- means of independent draws: doubling and the power series at equal look-ups
 
 template <class X, class G>
-void add_rows(Table& table, const std::string& name, const X& x, const G& g, double truth, double mean,
-              double square) {
+void add_rows(Table& table, const std::string& name, const X& x, const G& g, double truth, double mean, double square) {
   const Moments exact{.count = 1 << 20, .mean = mean, .m2 = (square - mean * mean) * (1 << 20)};
   const Centre c = centre(g, exact);
   const double radius = g.expand(c.at).radius;
@@ -64,18 +62,16 @@ void add_rows(Table& table, const std::string& name, const X& x, const G& g, dou
     const MeanOf<X> unit{x, lookups / 8};  // E 2^(1 + J) = 2 r / (2 r - 1) = 8 for r = 4/7
     const Cell doubling = measure_against(
         "doubling", single_term(function_of_mean(unit, g), Geometric(4.0 / 7)),
-        [unit, g](Stream& n, Stream& at) { return plain::doubling(unit, g, 4.0 / 7, n, at); }, truth, 0,
-        unit.n);
-    table.add(name + ", " + std::to_string(lookups) + " look-ups",
-              {series, simple, cyclic, symmetric, doubling});
+        [unit, g](Stream& n, Stream& at) { return plain::doubling(unit, g, 4.0 / 7, n, at); }, truth, 0, unit.n);
+    table.add(name + ", " + std::to_string(lookups) + " look-ups", {series, simple, cyclic, symmetric, doubling});
   }
 }
 
 void add_means(Table& table) {
   const auto zero_to_two = [](Stream& rng) { return 2 * rng.uniform(); };
   add_rows(table, "exp(-E X), X ~ U(0, 2)", zero_to_two, functions::ExpMinus{}, std::exp(-1), 1, 4.0 / 3);
-  add_rows(table, "Davis, c = 1/2, X ~ U(0, 2)", zero_to_two, functions::Davis{0.5}, functions::Davis{0.5}(1),
-           1, 4.0 / 3);
+  add_rows(table, "Davis, c = 1/2, X ~ U(0, 2)", zero_to_two, functions::Davis{0.5}, functions::Davis{0.5}(1), 1,
+           4.0 / 3);
   const auto near_one = [](Stream& rng) { return 0.5 + rng.uniform(); };
   add_rows(table, "1 / E X, X ~ U(1/2, 3/2)", near_one, functions::Reciprocal{}, 1, 1, 13.0 / 12);
   const auto square = [](Stream& rng) {
@@ -91,8 +87,7 @@ void add_means(Table& table) {
   add_rows(table, "log evidence", likelihood, functions::Log{}, std::log(evidence), evidence,
            std::exp(-1.0 / 3) / std::sqrt(3.0));
   const auto normal = [](Stream& rng) { return 0.5 + rng.normal(); };
-  add_rows(table, "logistic(E X), X ~ N(1/2, 1)", normal, functions::Logistic{}, functions::Logistic{}(0.5),
-           0.5, 1.25);
+  add_rows(table, "logistic(E X), X ~ N(1/2, 1)", normal, functions::Logistic{}, functions::Logistic{}(0.5), 0.5, 1.25);
 }
 
 // ---- batches

@@ -29,9 +29,7 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
     const double reached = s.total_error() / error;
     ours += (s.work + advice.pilot_work) * reached * reached;
   };
-  const auto by_multilevel = [&] {
-    theirs += multilevel(problem.levels, error, {.seed = seed, .threads = 1}).work;
-  };
+  const auto by_multilevel = [&] { theirs += multilevel(problem.levels, error, {.seed = seed, .threads = 1}).work; };
   Ratio r;
   for (auto _ : state) r = paired_ratio(by_recipe, by_multilevel, 16);
   state.counters["ratio"] = r.ratio;
@@ -40,15 +38,11 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
   state.counters["work_ratio"] = ours / theirs;
 }
 
-BENCHMARK_CAPTURE(recipe_against_multilevel, european_call, "E02", 0.01)
-    ->Iterations(1)
-    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(recipe_against_multilevel, european_call, "E02", 0.01)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(recipe_against_multilevel, square_of_mean, "A10", 0.002)
     ->Iterations(1)
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(recipe_against_multilevel, nested_square, "F02", 0.005)
-    ->Iterations(1)
-    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(recipe_against_multilevel, nested_square, "F02", 0.005)->Iterations(1)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace debias::bench

@@ -22,9 +22,7 @@ constexpr double r = 0.05;
 constexpr double sigma = 0.2;
 const GeometricBrownianMotion stock{.start = 100, .growth = r, .volatility = sigma, .horizon = 1};
 
-double step(double s, double h, double dw) {
-  return s * (1 + r * h + sigma * dw + sigma * sigma / 2 * (dw * dw - h));
-}
+double step(double s, double h, double dw) { return s * (1 + r * h + sigma * dw + sigma * sigma / 2 * (dw * dw - h)); }
 double call(double s) { return std::exp(-r) * std::max(s - 100, 0.0); }
 
 /// One draw of D_level.
@@ -107,7 +105,8 @@ void to_an_error(benchmark::State& state) {
   double our_squares = 0;
   double their_squares = 0;
   const auto ours = [&] {
-    const auto result = estimate(recipe(milstein(stock, call)), {.seed = ++seed, .threads = 1, .goal = {.error = error}});
+    const auto result =
+        estimate(recipe(milstein(stock, call)), {.seed = ++seed, .threads = 1, .goal = {.error = error}});
     our_steps += result.work + result.advice.pilot_work;
     our_squares += (result.mean - truth) * (result.mean - truth);
     ++runs;

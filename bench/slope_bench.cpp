@@ -75,8 +75,8 @@ void slope(benchmark::State& state, const char* id, const AnyPmf& law, double al
 }
 
 void add(const char* id, const AnyPmf& law, double alpha = std::numeric_limits<double>::infinity()) {
-  benchmark::RegisterBenchmark(
-      (std::string("slope/") + id).c_str(), [=](benchmark::State& state) { slope(state, id, law, alpha); })
+  benchmark::RegisterBenchmark((std::string("slope/") + id).c_str(),
+                               [=](benchmark::State& state) { slope(state, id, law, alpha); })
       ->Iterations(1)
       ->Unit(benchmark::kSecond);
 }

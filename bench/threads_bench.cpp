@@ -81,17 +81,20 @@ void threads(benchmark::State& state, const char* problem, catalog::Choice choic
 
 using catalog::Method;
 constexpr auto ms = benchmark::kMillisecond;
-BENCHMARK_CAPTURE(threads, even/european_call, "E02", {Method::truncated, AnyPmf(Geometric(0.5)), 8}, 20'000)
-    ->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, even/nested_max, "F01", {Method::truncated, AnyPmf(Geometric(0.5)), 8}, 20'000)
-    ->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, heavy/reciprocal_in_8_ms, "A03", {}, 100'000)->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, heavy/reciprocal, "A03", {}, 1'000'000)->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, heavy/nested_max, "F01", {}, 500'000)->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, heavy/european_call, "E02", {}, 500'000)->Iterations(1)->Unit(ms);
-BENCHMARK_CAPTURE(threads, heavy/european_call_in_300_blocks, "E02",
+BENCHMARK_CAPTURE(threads, even / european_call, "E02", {Method::truncated, AnyPmf(Geometric(0.5)), 8}, 20'000)
+    ->Iterations(1)
+    ->Unit(ms);
+BENCHMARK_CAPTURE(threads, even / nested_max, "F01", {Method::truncated, AnyPmf(Geometric(0.5)), 8}, 20'000)
+    ->Iterations(1)
+    ->Unit(ms);
+BENCHMARK_CAPTURE(threads, heavy / reciprocal_in_8_ms, "A03", {}, 100'000)->Iterations(1)->Unit(ms);
+BENCHMARK_CAPTURE(threads, heavy / reciprocal, "A03", {}, 1'000'000)->Iterations(1)->Unit(ms);
+BENCHMARK_CAPTURE(threads, heavy / nested_max, "F01", {}, 500'000)->Iterations(1)->Unit(ms);
+BENCHMARK_CAPTURE(threads, heavy / european_call, "E02", {}, 500'000)->Iterations(1)->Unit(ms);
+BENCHMARK_CAPTURE(threads, heavy / european_call_in_300_blocks, "E02",
                   {Method::single_term, AnyPmf(Geometric(0.5)), 0, "", 4096}, 300)
-    ->Iterations(1)->Unit(ms);
+    ->Iterations(1)
+    ->Unit(ms);
 
 }  // namespace
 }  // namespace debias::bench

@@ -4,7 +4,7 @@
 # From the environment: BUILD_DIR (default: build/release in the project), JOBS (default: all processors).
 
 packages="g++ cmake ninja-build librandom123-dev libboost-dev libeigen3-dev nlohmann-json3-dev libcli11-dev libpng-dev catch2 librapidcheck-dev
-  python3-dev python3-numpy python3-matplotlib python3-nbclient python3-ipykernel pybind11-dev"
+  clang-format-14 python3-dev python3-numpy python3-matplotlib python3-nbclient python3-ipykernel pybind11-dev"
 build_dir=${BUILD_DIR:-$root/build/release}
 jobs=${JOBS:-$(nproc)}
 

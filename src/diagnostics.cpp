@@ -94,9 +94,8 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
   std::ostringstream text;
   text.precision(3);
   text << "variance " << name_of(v.variance) << " (law exponent " << exponent_text(rho) << ", threshold "
-       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work "
-       << name_of(v.work) << " (threshold "
-       << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
+       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work " << name_of(v.work)
+       << " (threshold " << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
        << with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
     text << ": the standard error is too small most of the time; take a law with a smaller exponent";
@@ -109,8 +108,7 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
             "exponent away "
             "from the threshold";
   } else if (v.fourth_moment != Finiteness::finite) {
-    text << ": the fourth moment is " << name_of(v.fourth_moment)
-         << ", so the standard error converges slowly";
+    text << ": the fourth moment is " << name_of(v.fourth_moment) << ", so the standard error converges slowly";
   }
   v.sentence = text.str();
   return v;
@@ -134,13 +132,12 @@ BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   }
   const auto groups = static_cast<std::size_t>(std::ceil(-8 * std::log(delta)));
   if (values.size() < groups) {
-    throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) +
-                                " values (must be at least " + std::to_string(groups) + " for this delta)");
+    throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) + " values (must be at least " +
+                                std::to_string(groups) + " for this delta)");
   }
   const std::size_t length = values.size() / groups;
   std::vector<double> means;
-  for (std::size_t g = 0; g < groups; ++g)
-    means.push_back(Moments::of(values.subspan(g * length, length)).mean);
+  for (std::size_t g = 0; g < groups; ++g) means.push_back(Moments::of(values.subspan(g * length, length)).mean);
   std::sort(means.begin(), means.end());
   return {(means[(groups - 1) / 2] + means[groups / 2]) / 2, static_cast<std::int64_t>(groups)};
 }
@@ -188,8 +185,8 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
   } else {
     text << "variance undecided by rates (" << beyond_rates << "), ";
   }
-  text << (v.finite_work ? "work finite" : "work INFINITE") << " (" << exponent
-       << (v.finite_work ? " > " : " <= ") << range.low << ")";
+  text << (v.finite_work ? "work finite" : "work INFINITE") << " (" << exponent << (v.finite_work ? " > " : " <= ")
+       << range.low << ")";
   if (v.decided) text << ", tail index " << v.tail_index;
   if (!v.finite_variance || !v.finite_work) {
     text << (v.finite_variance ? ": no run ends its expected work"

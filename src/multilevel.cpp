@@ -232,9 +232,8 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  std::snprintf(line, sizeof line,
-                "bias          %.2g left out, if the differences go on falling like 2^(-%.2f l)\n", s.bias,
-                s.alpha);
+  std::snprintf(line, sizeof line, "bias          %.2g left out, if the differences go on falling like 2^(-%.2f l)\n",
+                s.bias, s.alpha);
   out << line;
   std::snprintf(line, sizeof line, "goal          root mean square error %g: %s, %.3g\n", s.goal,
                 s.converged ? "met" : "NOT met", s.error());

@@ -26,9 +26,9 @@ constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
 constexpr double fewest_blocks = 2048;
 constexpr double fewest_together = 1024;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
-constexpr double shared_share = 1.0 / 8;       // of the draws of a level, to compare bases
-constexpr std::size_t levels_beyond = 4;       // of the survey that the table of a law holds
-constexpr double narrow = 0.05;  // of the work's exponent, for the law with finite work where none has both
+constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
+constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a law holds
+constexpr double narrow = 0.05;           // of the work's exponent, for the law with finite work where none has both
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
 
@@ -40,8 +40,7 @@ std::string text(const char* pattern, double x) {
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
-  const auto end =
-      std::to_chars(out.data(), out.data() + out.size(), x, std::chars_format::general, digits).ptr;
+  const auto end = std::to_chars(out.data(), out.data() + out.size(), x, std::chars_format::general, digits).ptr;
   std::from_chars(out.data(), end, x);
   return x;
 }
@@ -67,8 +66,7 @@ class Choice {
     double best = infinity;
     bool found = false;
     const std::int64_t lowest = options_.base_level.value_or(options_.lowest_base);
-    const std::int64_t highest =
-        options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
+    const std::int64_t highest = options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
     const double unit = row(lowest).value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
@@ -134,8 +132,7 @@ class Choice {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
     const std::size_t free = setup.base == Base::drawn ? 2 : 1;
-    for (std::size_t j = free; j < even.size(); ++j)
-      even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
+    for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
     return predict(all, fair).product() <= price_of_fourth * predict(all, fastest).product() ? fair : fastest;
@@ -186,8 +183,7 @@ void set_members(Advice& advice, double members) {
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
   if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) +
-                                " members (does not fit 64 bits)");
+    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) + " members (does not fit 64 bits)");
   }
   advice.members = static_cast<std::int64_t>(blocks) * advice.block;
 }
@@ -211,8 +207,7 @@ double wanted_members(const Advice& advice, const Plan& plan) {
 
 std::string rate_text(const MeasuredRates& r) {
   if (r.kind == RateKind::exact_zero) return "the differences are zero beyond the first levels";
-  if (std::isnan(r.variance.value))
-    return "too few levels have enough draws for their kurtosis to show a decay";
+  if (std::isnan(r.variance.value)) return "too few levels have enough draws for their kurtosis to show a decay";
   if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
   const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
   const char* end = r.kind == RateKind::polynomial ? "" : ")";
@@ -239,8 +234,7 @@ void describe_none(Advice& a) {
   if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + text("%.3g", a.highest_moment);
   if (!polynomial && r.variance.value > 0 && work > 0) {
     best += " (stable index " + text("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
-            " in the limit), the error falls like work^-" +
-            text("%.2g", std::min(0.5, r.variance.value / (2 * work)));
+            " in the limit), the error falls like work^-" + text("%.2g", std::min(0.5, r.variance.value / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -251,9 +245,9 @@ void describe_none(Advice& a) {
 
 void describe(Advice& a) {
   const MeasuredRates& r = a.survey.rates;
-  const char* form =
-      a.shares_base ? ", made of the draws of the difference"
-                    : (a.base == Base::drawn ? ", one outcome of the law" : ", evaluated in every sample");
+  const char* form = a.shares_base
+                         ? ", made of the draws of the difference"
+                         : (a.base == Base::drawn ? ", one outcome of the law" : ", evaluated in every sample");
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
@@ -269,14 +263,12 @@ void describe(Advice& a) {
   if (together) efficiency += " and are not stratified by their first number";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
-  std::string moments = rate_text(r) + ", the tail of the law like " +
-                        (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho)
-                                                               : "2^(k x " + text("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment))
-    moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+  std::string moments =
+      rate_text(r) + ", the tail of the law like " +
+      (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho) : "2^(k x " + text("%.2f", -rho) + ")");
+  if (std::isfinite(a.highest_moment)) moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
   if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
-    moments +=
-        std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
+    moments += std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
   }
   a.sentences.push_back(moments);
 }
@@ -332,12 +324,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     Advice next;
     next.survey = survey_within(runs, budget, pilot);
     work += next.survey.work;
-    next.pilot_seconds = detail::share<double>(pilot.ranks, [&] {
-      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    });
+    next.pilot_seconds = detail::share<double>(
+        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
     if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
-      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) +
-                                  " (the pilot reached only level " +
+      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
                                   std::to_string(next.survey.rows.size() - 1) +
                                   ", and a law needs two differences above the base); take a lower one");
     }
@@ -379,8 +369,7 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
     name = "";
   }
-  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size()
-      << " levels";
+  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size() << " levels";
   for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
   return out << '\n';
 }
@@ -409,8 +398,7 @@ void detail::follow(Statistics& statistics, const Advice& advice, const Goal& go
         "work.");
   }
   for (const std::string& remark : advice.survey.remarks) {
-    if (remark.find("every estimate from it is biased") != remark.npos)
-      statistics.warnings.push_back(remark + ".");
+    if (remark.find("every estimate from it is biased") != remark.npos) statistics.warnings.push_back(remark + ".");
   }
 }
 

@@ -98,8 +98,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
   const std::size_t complete = rows.size();
   Survey result = conclude(std::move(rows), plan.seed);
   if (interrupted) {
-    result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) +
-                             " levels");
+    result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
   }
   return result;
 }
@@ -173,22 +172,20 @@ std::string rate_text(const FittedRate& r) {
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
   char line[256];
-  std::snprintf(line, sizeof line, "%5s %9s %11s %9s %11s %9s %9s %8s %6s %9s %9s  %s\n", "level", "draws",
-                "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
+  std::snprintf(line, sizeof line, "%5s %9s %11s %9s %11s %9s %9s %8s %6s %9s %9s  %s\n", "level", "draws", "E I",
+                "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
   out << line;
   for (const SurveyRow& r : survey.rows) {
-    std::snprintf(
-        line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
-        static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
-        r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
-        r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
+    std::snprintf(line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
+                  static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
+                  r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
+                  r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
     out << line;
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
   out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean) << ", variance "
-      << rate_text(m.variance) << ", fourth moment " << rate_text(m.fourth) << ", work " << rate_text(m.work)
-      << '\n';
+      << rate_text(m.variance) << ", fourth moment " << rate_text(m.fourth) << ", work " << rate_text(m.work) << '\n';
   out << "a law with finite variance and finite work exists: " << name_of(survey.law_exists) << '\n';
   for (const std::string& remark : survey.remarks) out << "remark: " << remark << '\n';
   return out;

@@ -40,8 +40,7 @@ TEST_CASE("A count is read with exponents, fractions and separators", "[argument
   CHECK(debias::parse_count("7", "x", 7, 7) == 7);
 }
 
-TEST_CASE("What is no count is refused, with the argument's name, the reason and a near miss",
-          "[arguments][exact]") {
+TEST_CASE("What is no count is refused, with the argument's name, the reason and a near miss", "[arguments][exact]") {
   const std::string example = "write a whole number such as 1000, 1e6 or 1_000_000";
   CHECK(complaint("1e6x") == "--samples = '1e6x' ('x' follows the number); did you mean '1e6'?");
   CHECK(complaint("-1") == "--samples = '-1' (must not be negative); did you mean '1'?");

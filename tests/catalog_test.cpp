@@ -190,7 +190,8 @@ TEST_CASE("no hard case is wrong without a word, and one that is wrong without a
   CHECK(validate({wrong}, {.samples = 20000, .seed = 2}).failed == 1);
 }
 
-TEST_CASE("wrong estimators are rejected, right ones are not, and bad values are never hidden", "[catalog][statistical]") {
+TEST_CASE("wrong estimators are rejected, right ones are not, and bad values are never hidden",
+          "[catalog][statistical]") {
   for (const Suspect& s : suspects()) {
     const Statistics run = s.run({.samples = 200'000, .seed = 4});
     const double z = (run.components.front().mean - s.truth) / believed_error(run, s.truth);

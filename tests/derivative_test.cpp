@@ -37,9 +37,7 @@ double rounding(double f, double first_step, std::int64_t level, int power = 1) 
   return 8 * eps * f * std::pow(std::ldexp(1 / first_step, static_cast<int>(level)), power);
 }
 
-double step(double first_step, std::int64_t level) {
-  return std::ldexp(first_step, -static_cast<int>(level));
-}
+double step(double first_step, std::int64_t level) { return std::ldexp(first_step, -static_cast<int>(level)); }
 
 // I_k against a closed form without cancellation, and D_k against the difference of two of them.
 template <class S, class ClosedForm>
@@ -154,9 +152,8 @@ TEST_CASE("the rounding error stays below 2^k eps |f| / h_0 down to the last lev
   }
 }
 
-TEST_CASE(
-    "levels stop where rounding outgrows the difference: about the roots of eps of order 2, 3, 4 and 3/2",
-    "[derivative][exact]") {
+TEST_CASE("levels stop where rounding outgrows the difference: about the roots of eps of order 2, 3, 4 and 3/2",
+          "[derivative][exact]") {
   const auto f = [](double x) { return std::sin(x); };
   // h_0^-p |f(x + h_0) - f(x)| 2^(-beta k / 2) meets c eps |f| 2^(p k), c h_0^p = 2, 1, 4 roundings
   const double bits = std::log2(std::abs(std::sin(2.5) - std::sin(1.0)) / (eps * std::sin(1.0)));
@@ -170,8 +167,7 @@ TEST_CASE(
   // cancellation costs levels: 20 bits of f are lost to the 1e6, a half of them at each end
   const auto lifted = [](double x) { return std::exp(x) + 1e6; };
   const auto plain = [](double x) { return std::exp(x); };
-  CHECK(std::abs(finite_difference(plain, 0.0).last_level() - finite_difference(lifted, 0.0).last_level() -
-                 10) <= 1);
+  CHECK(std::abs(finite_difference(plain, 0.0).last_level() - finite_difference(lifted, 0.0).last_level() - 10) <= 1);
   // at a zero of f nothing rounds
   CHECK(finite_difference(f, 0.0).last_level() == 500);
 }
@@ -192,8 +188,7 @@ TEST_CASE("beyond the last level the difference is 0 and the value that of the l
   CHECK_THROWS_AS(strict(51, unused), std::length_error);
   CHECK_THROWS_AS(strict.value_at(51, unused), std::length_error);
   CHECK_THROWS_AS(strict(std::int64_t{1} << 40, unused), std::length_error);
-  CHECK_THROWS_WITH(strict(51, unused),
-                    Catch::Contains("the last level is 50") && Catch::Contains("truncates"));
+  CHECK_THROWS_WITH(strict(51, unused), Catch::Contains("the last level is 50") && Catch::Contains("truncates"));
   CHECK(finite_difference([](double x) { return x * x; }, 0.0, {.kind = Difference::second})
             .value_at(500, unused)
             .value == 2);
@@ -215,9 +210,9 @@ TEST_CASE(
     const double d1 = (std::log(s / 100) + 0.07) / 0.2;
     return s * phi(d1) - 100 * std::exp(-0.05) * phi(d1 - 0.2);
   };
-  for (const Trial& t : {Trial{[](double x) { return std::sin(x); }, 1.0, std::cos(1.0)},
-                         Trial{[](double x) { return std::exp(x) + 1e6; }, 0.0, 1.0},
-                         Trial{price, 100, 0.6368306511756190712, 10}}) {
+  for (const Trial& t :
+       {Trial{[](double x) { return std::sin(x); }, 1.0, std::cos(1.0)},
+        Trial{[](double x) { return std::exp(x) + 1e6; }, 0.0, 1.0}, Trial{price, 100, 0.6368306511756190712, 10}}) {
     const std::int64_t own = finite_difference(t.f, t.at, {.first_step = t.first_step}).last_level();
     double least = std::numeric_limits<double>::infinity();
     std::int64_t least_level = -1;
@@ -269,8 +264,8 @@ TEST_CASE("the bound of a run is in its result, printed, and kept by a merge", "
   const auto in_blocks = estimate(stratified(s, 64), {.samples = 4096});
   CHECK(in_blocks.bias_bound.size > 0);
   CHECK(in_blocks.bias_bound.size < 1e-6);
-  const auto by_recipe = estimate(recipe(finite_difference([](double x) { return std::sin(x); }, 1.0)),
-                                  {.samples = 4096});
+  const auto by_recipe =
+      estimate(recipe(finite_difference([](double x) { return std::sin(x); }, 1.0)), {.samples = 4096});
   CHECK(by_recipe.bias_bound.size > 0);
   // an unbiased estimator states none, and a rate that does not fall bounds nothing
   CHECK(estimate(single_term(finite_difference([](double x) { return x; }, 1.0, {}, {2, 0}), Geometric(0.5)),
@@ -285,8 +280,7 @@ TEST_CASE("any ratio and Richardson extrapolation have the declared rates", "[de
   const auto f = [](double x) { return std::sin(x); };
   const auto check = [&f](const DifferenceOptions& o, std::int64_t last, double beta, std::int64_t from = 2) {
     const auto s = finite_difference(f, 1.0, o);
-    INFO("kind " << static_cast<int>(o.kind) << ", ratio " << o.ratio << ", " << o.extrapolations
-                 << " extrapolations");
+    INFO("kind " << static_cast<int>(o.kind) << ", ratio " << o.ratio << ", " << o.extrapolations << " extrapolations");
     CHECK(s.rates.variance == Approx(beta));
     CHECK(sequence_laws(s, {.last = last, .rounding = 1e-12, .rates_from = from}) == Failures{});
   };
@@ -309,17 +303,15 @@ TEST_CASE("any ratio and Richardson extrapolation have the declared rates", "[de
 TEST_CASE("the complex step is the derivative to the last digits, without a level", "[derivative][exact]") {
   const auto wave = [](const std::complex<double>& x) { return std::sin(x) * std::exp(x); };
   Stream rng(1, 1);
-  CHECK(complex_step(wave, 0.7)(rng) ==
-        Approx((std::sin(0.7) + std::cos(0.7)) * std::exp(0.7)).epsilon(1e-15));
+  CHECK(complex_step(wave, 0.7)(rng) == Approx((std::sin(0.7) + std::cos(0.7)) * std::exp(0.7)).epsilon(1e-15));
   const auto random = [](const std::complex<double>& x, Stream& r) { return std::sin(x * r.uniform()); };
   const auto result = estimate(complex_step(random, 1.0), {.samples = 1 << 14});
   CHECK(std::abs(result.mean - (std::sin(1.0) + std::cos(1.0) - 1)) < 4.5 * result.standard_error);  // C09
   CHECK(result.bias_bound.size == 0);
 }
 
-TEST_CASE(
-    "a jump and noise that is not shared are told from a kink and a smooth function, before and after a run",
-    "[derivative][statistical]") {
+TEST_CASE("a jump and noise that is not shared are told from a kink and a smooth function, before and after a run",
+          "[derivative][statistical]") {
   const auto smooth = [](double x, Stream& rng) { return std::sin(x * rng.uniform()); };
   const auto jump = [](double x, Stream& rng) { return rng.uniform() < 0.2 * x ? 1.0 : 0.0; };
   const auto own_noise = [](double x, Stream& rng) {  // numbers that depend on x are not common
@@ -376,8 +368,8 @@ TEST_CASE("the work is the number of evaluations, and shared ones are made once"
     Difference kind;
     int base, coupled;
   };
-  for (const Expected& e : {Expected{Difference::forward, 1, 2}, Expected{Difference::central, 2, 4},
-                            Expected{Difference::second, 2, 4}}) {
+  for (const Expected& e :
+       {Expected{Difference::forward, 1, 2}, Expected{Difference::central, 2, 4}, Expected{Difference::second, 2, 4}}) {
     const auto s = finite_difference(f, 1.0, {.kind = e.kind});
     CHECK(count([&] { return s(0, unused); }) == e.base);
     CHECK(count([&] { return s(3, unused); }) == e.coupled);
@@ -423,8 +415,7 @@ TEST_CASE("C06: samples with a kink have the rate 1, not 2", "[derivative][law]"
   const DifferenceOptions ten{.first_step = 10};
   const auto kinked = finite_difference(call_payoff, 100.0, ten, {1, 0});
   CHECK(sequence_laws(kinked, {.last = 7, .samples = 16384}) == Failures{});
-  CHECK(sequence_laws(finite_difference(call_payoff, 100.0, ten), {.last = 7, .samples = 16384}) !=
-        Failures{});
+  CHECK(sequence_laws(finite_difference(call_payoff, 100.0, ten), {.last = 7, .samples = 16384}) != Failures{});
 }
 
 TEST_CASE("C12: the second difference of samples with a kink grows, and no law exists", "[derivative][law]") {

@@ -22,15 +22,13 @@ constexpr TailExponent power_law(double s) { return {s, Decay::polynomial}; }
 
 }  // namespace
 
-TEST_CASE("r = 0.65 at variance rate 2 and work rate 1: finite, with tail index 0.340",
-          "[diagnostics][exact]") {
+TEST_CASE("r = 0.65 at variance rate 2 and work rate 1: finite, with tail index 0.340", "[diagnostics][exact]") {
   const Verdict v = judge({2, 1}, Geometric(0.65).tail_exponent());
   CHECK(v.finite_variance);
   CHECK(v.finite_work);
   CHECK(std::abs(v.tail_index - 0.340) < 5e-4);
   CHECK_THAT(v.sentence, Catch::Contains("variance finite") && Catch::Contains("work finite") &&
-                             Catch::Contains("tail index 0.34") &&
-                             Catch::Contains("fourth moment is infinite"));
+                             Catch::Contains("tail index 0.34") && Catch::Contains("fourth moment is infinite"));
   const Verdict lighter = judge({2, 1}, Geometric(0.60).tail_exponent());
   CHECK(std::abs(lighter.tail_index - 0.244) < 5e-4);
   CHECK_THAT(lighter.sentence, !Catch::Contains("fourth"));
@@ -45,8 +43,7 @@ TEST_CASE("the borders belong to the infinite", "[diagnostics][exact]") {
   CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(3)).finite_variance);
   CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(2)).finite_work);
   CHECK(judge({4, 1, Decay::polynomial}, power_law(3)).tail_index == 0.5);
-  CHECK_THAT(judge({2, 1}, {2.5}).sentence,
-             Catch::Contains("variance INFINITE") && Catch::Contains("between 1 and 2"));
+  CHECK_THAT(judge({2, 1}, {2.5}).sentence, Catch::Contains("variance INFINITE") && Catch::Contains("between 1 and 2"));
   CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no law has both"));
 }
 
@@ -85,8 +82,7 @@ TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[d
   }
 }
 
-TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric law never",
-          "[diagnostics][exact]") {
+TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric law never", "[diagnostics][exact]") {
   const Rates rates{4, 0, Decay::polynomial};
   const Verdict good = judge(rates, Zeta(2).tail_exponent());
   CHECK(good.finite_variance);
@@ -120,12 +116,11 @@ TEST_CASE("differences that end bring a finite variance under every law", "[diag
   }
 }
 
-TEST_CASE("rates cannot tell what falls faster than any rate from another such thing",
-          "[diagnostics][exact]") {
+TEST_CASE("rates cannot tell what falls faster than any rate from another such thing", "[diagnostics][exact]") {
   const Verdict v = judge({Rates::faster_than_any, 0}, Poisson(3).tail_exponent());
   CHECK_FALSE(v.decided);
-  CHECK_THAT(v.sentence, Catch::Contains("undecided by rates") && Catch::Contains("sum E D_k^2 / p_k") &&
-                             !Catch::Contains("inf"));
+  CHECK_THAT(v.sentence,
+             Catch::Contains("undecided by rates") && Catch::Contains("sum E D_k^2 / p_k") && !Catch::Contains("inf"));
   const Verdict geometric = judge({Rates::faster_than_any, 0}, Geometric(0.5).tail_exponent());
   CHECK(geometric.decided);
   CHECK_THAT(geometric.sentence, Catch::Contains("variance finite (law exponent 1 < faster than any)"));
@@ -152,9 +147,8 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   CHECK(judge(measured(1.4, 0.1, 2.8), law).variance == Finiteness::undecided);
   CHECK(judge(measured(2, 0.1, 4), TailExponent{0.9}).work == Finiteness::infinite);
   CHECK(judge(measured(2, 0.1, 4), TailExponent{1.01}).work == Finiteness::undecided);
-  CHECK_THAT(judge(measured(1.6, 0.1, 3.2), law).sentence, Catch::Contains("variance undecided") &&
-                                                               Catch::Contains("1.6 +- 0.1") &&
-                                                               Catch::Contains("survey"));
+  CHECK_THAT(judge(measured(1.6, 0.1, 3.2), law).sentence,
+             Catch::Contains("variance undecided") && Catch::Contains("1.6 +- 0.1") && Catch::Contains("survey"));
   // Power laws: finite iff rho < beta - 1, work finite iff rho > gamma + 1.
   const MeasuredVerdict power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
   CHECK(power.variance == Finiteness::finite);
@@ -163,8 +157,7 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   // Ends and super-exponential falls.
   CHECK(judge(measured(forever, 0, forever, RateKind::exact_zero), Poisson(1).tail_exponent()).variance ==
         Finiteness::finite);
-  CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), law).variance ==
-        Finiteness::finite);
+  CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), law).variance == Finiteness::finite);
   const MeasuredVerdict both =
       judge(measured(forever, 0, forever, RateKind::super_exponential), Poisson(1).tail_exponent());
   CHECK(both.variance == Finiteness::undecided);
@@ -185,8 +178,7 @@ TEST_CASE("the median of means is the median of group means", "[diagnostics][exa
   }
 }
 
-TEST_CASE("the median of means keeps its bound where the mean does not, and is biased",
-          "[diagnostics][statistical]") {
+TEST_CASE("the median of means keeps its bound where the mean does not, and is biased", "[diagnostics][statistical]") {
   // Rare large values: x = 1 / p with probability p = 0.001, so mean 1 and variance 999.
   constexpr int n = 2400;
   constexpr double delta = 0.05;
@@ -286,17 +278,14 @@ MeasuredTail measure_tail(const Geometric& law, double beta) {
     above_high += z > high ? 1 : 0;
   }
   const double log_ratio = std::log(high / low);
-  return {std::log(above_low / above_high) / log_ratio,
-          std::sqrt(1 / above_high - 1 / above_low) / log_ratio};
+  return {std::log(above_low / above_high) / log_ratio, std::sqrt(1 / above_high - 1 / above_low) / log_ratio};
 }
 
 }  // namespace
 
 TEST_CASE("simulated weights have the tail index of the verdict, and no neighbouring one",
           "[diagnostics][statistical]") {
-  const auto index = [](double beta, double r) {
-    return judge({beta, 1}, Geometric(r).tail_exponent()).tail_index;
-  };
+  const auto index = [](double beta, double r) { return judge({beta, 1}, Geometric(r).tail_exponent()).tail_index; };
   const MeasuredTail at_65 = measure_tail(Geometric(0.65), 2);
   CAPTURE(at_65.inverse_index, at_65.error);
   CHECK(at_65.agrees(index(2, 0.65)));

@@ -62,8 +62,8 @@ struct LevelMoments {
 };
 
 /// The largest |z| of E D_k and E D_k^2, levels `first` ... `last` of a survey, against closed forms.
-double worst_z(const Survey& survey, const std::function<LevelMoments(std::int64_t)>& exact,
-               std::size_t first = 1, std::size_t last = 6) {
+double worst_z(const Survey& survey, const std::function<LevelMoments(std::int64_t)>& exact, std::size_t first = 1,
+               std::size_t last = 6) {
   double worst = 0;
   for (std::size_t k = first; k <= last; ++k) {
     const SurveyRow& row = survey.rows.at(k);
@@ -96,14 +96,10 @@ TEST_CASE("a survey finds the closed-form mean and second moment of the differen
           "[function_of_mean][statistical]") {
   const auto a10 = survey(function_of_mean(exponential, functions::Square{}), 7, {.samples = 60000});
   const auto b02 = survey(function_of_integral(twice, functions::ExpMinus{}), 7, {.samples = 20000});
-  const auto b02_plain =
-      survey(function_of_integral(twice, plain(functions::ExpMinus{})), 7, {.samples = 20000});
+  const auto b02_plain = survey(function_of_integral(twice, plain(functions::ExpMinus{})), 7, {.samples = 20000});
   const auto b04 = survey(function_of_integral(wave, functions::ExpMinus{}), 2, {.samples = 100000});
-  const auto b18 =
-      survey(function_of_integral(twice, DistanceToOne{}, {.rates = {2, 1}}), 7, {.samples = 20000});
-  const auto periodic = [](std::int64_t) {
-    return LevelMoments{-0.097880166422198114906, 0.014570317808197142875};
-  };
+  const auto b18 = survey(function_of_integral(twice, DistanceToOne{}, {.rates = {2, 1}}), 7, {.samples = 20000});
+  const auto periodic = [](std::int64_t) { return LevelMoments{-0.097880166422198114906, 0.014570317808197142875}; };
   CHECK(worst_z(a10, square_of_exponential) < 4.5);
   CHECK(worst_z(b02, linear_medium) < 4.5);
   CHECK(worst_z(b02_plain, linear_medium) < 4.5);
@@ -133,9 +129,9 @@ TEST_CASE("doublings keep the laws of a sequence and their declared rates", "[fu
                                            {.from = -1, .to = 1})) == Failures{});
   CHECK(sequence_laws(function_of_integral(twice, DistanceToOne{}, {.rates = {2, 1}})) == Failures{});
   // x^(-1/4), B15 with its singularity at the end: min(4 * 3/4, (3/4) / (1/4)) = 3, here with a logarithm
-  CHECK(sequence_laws(function_of_integral([](double x) { return std::pow(x, -0.25); }, functions::ExpMinus{},
-                                           {.rates = {3, 1}}),
-                      {.last = 9, .rates_from = 4, .variance_tolerance = 0.4}) == Failures{});
+  CHECK(sequence_laws(
+            function_of_integral([](double x) { return std::pow(x, -0.25); }, functions::ExpMinus{}, {.rates = {3, 1}}),
+            {.last = 9, .rates_from = 4, .variance_tolerance = 0.4}) == Failures{});
 
   // Power check: rates that are half a power off.
   CHECK(sequence_laws(function_of_mean(uniform, functions::ExpMinus{}, {2.5, 1})) != Failures{});
@@ -218,8 +214,7 @@ struct WrongSign {
 
 }  // namespace
 
-TEST_CASE("the laws reject one residue as base, one half as coarse, and a wrong sign",
-          "[function_of_mean][law]") {
+TEST_CASE("the laws reject one residue as base, one half as coarse, and a wrong sign", "[function_of_mean][law]") {
   CHECK(sequence_laws(OneResidue::right()) == Failures{});
   CHECK(sequence_laws(OneResidue{0}) != Failures{});
   CHECK(sequence_laws(OneResidue{1}) != Failures{});
@@ -234,8 +229,7 @@ TEST_CASE("the laws reject one residue as base, one half as coarse, and a wrong 
   CHECK(sequence_laws(WrongSign<decltype(right)>{right}) != Failures{});
 }
 
-TEST_CASE("the shared base is far quieter than a base of its own on a comb",
-          "[function_of_mean][statistical]") {
+TEST_CASE("the shared base is far quieter than a base of its own on a comb", "[function_of_mean][statistical]") {
   const auto s = function_of_integral(twice, functions::ExpMinus{});
   std::vector<double> shared;
   std::vector<double> alone;
@@ -250,8 +244,7 @@ TEST_CASE("the shared base is far quieter than a base of its own on a comb",
 
 // ---- exact statements
 
-TEST_CASE("the shared base is the average of g over the groups of a comb, both halves",
-          "[function_of_mean][exact]") {
+TEST_CASE("the shared base is the average of g over the groups of a comb, both halves", "[function_of_mean][exact]") {
   const auto s = function_of_integral(wave, functions::ExpMinus{}, {.from = 0.2, .to = 0.9});
   for (std::int64_t level = 1; level <= 5; ++level) {
     for (std::int64_t m = 0; m < level; ++m) {
@@ -349,12 +342,10 @@ TEST_CASE("a result says where differences are rounding, and only there", "[func
   CHECK(rounding.size < 1e-15);
   CHECK(rounding.sentence.find("from level 2 on") == 0);
   const auto linear = function_of_integral(twice, plain(functions::ExpMinus{}));
-  CHECK(estimate(single_term(linear, Geometric(0.75)), {.samples = 64}).bias_bound.size ==
-        0);  // levels 1 ... 4
+  CHECK(estimate(single_term(linear, Geometric(0.75)), {.samples = 64}).bias_bound.size == 0);  // levels 1 ... 4
 }
 
-TEST_CASE("the base level above a pole is the least whose halves have the moments",
-          "[function_of_mean][exact]") {
+TEST_CASE("the base level above a pole is the least whose halves have the moments", "[function_of_mean][exact]") {
   CHECK(base_level_for_pole(1) == 3);
   CHECK(base_level_for_pole(1, 2) == 2);
   CHECK(base_level_for_pole(1.5) == 3);
@@ -452,15 +443,12 @@ TEST_CASE("means of many components give one number, complex ones too", "[functi
     const double u = rng.uniform();
     return Eigen::Array2d(u * std::exp(u), std::exp(u));
   };
-  CHECK(sequence_laws(function_of_mean(weighted, [](const Eigen::Array2d& m) { return m[0] / m[1]; })) ==
-        Failures{});
+  CHECK(sequence_laws(function_of_mean(weighted, [](const Eigen::Array2d& m) { return m[0] / m[1]; })) == Failures{});
 
   const auto phase = [](Stream& rng) { return std::polar(1.0, rng.uniform()); };
-  CHECK(sequence_laws(function_of_mean(phase, [](const std::complex<double>& m) { return m * m; })) ==
-        Failures{});
+  CHECK(sequence_laws(function_of_mean(phase, [](const std::complex<double>& m) { return m * m; })) == Failures{});
   CHECK(sequence_laws(function_of_integral([](double x) { return std::polar(1.0, x); },
-                                           [](const std::complex<double>& m) { return 1.0 / m; })) ==
-        Failures{});
+                                           [](const std::complex<double>& m) { return 1.0 / m; })) == Failures{});
 }
 
 TEST_CASE("means of float draws are double: the sum does not stop at 2^24", "[function_of_mean][exact]") {
@@ -496,20 +484,17 @@ TEST_CASE("a level beyond int64 or below zero throws before anything is drawn", 
   const auto comb =
       function_of_integral([](double) -> double { throw std::logic_error("drawn"); }, functions::Square{});
   CHECK_THROWS_AS(comb(63, rng), std::length_error);
-  CHECK_THROWS_WITH(
-      comb(63, rng),
-      "doubling: level 63 needs 2^level draws (beyond int64); choose a law with a lighter tail");
+  CHECK_THROWS_WITH(comb(63, rng),
+                    "doubling: level 63 needs 2^level draws (beyond int64); choose a law with a lighter tail");
 }
 
 TEST_CASE("an interval that is not finite throws and says what to do", "[function_of_mean][exact]") {
   const double infinity = std::numeric_limits<double>::infinity();
   CHECK_THROWS_AS(function_of_integral(twice, functions::Square{}, {.to = infinity}), std::invalid_argument);
-  CHECK_THROWS_AS(function_of_integral(twice, functions::Square{}, {.from = std::nan("")}),
-                  std::invalid_argument);
+  CHECK_THROWS_AS(function_of_integral(twice, functions::Square{}, {.from = std::nan("")}), std::invalid_argument);
 }
 
-TEST_CASE("what is no random variable or no function of its mean does not fit",
-          "[function_of_mean][compile]") {
+TEST_CASE("what is no random variable or no function of its mean does not fit", "[function_of_mean][compile]") {
   const auto mutable_draw = [n = 0.0](Stream&) mutable { return ++n; };
   static_assert(!RandomVariable<decltype(mutable_draw)>);
   const auto expression = [](const Eigen::ArrayXd& m) { return m + m; };
@@ -522,9 +507,8 @@ TEST_CASE("what is no random variable or no function of its mean does not fit",
 
 // ---- jittered points, batches, combs as random variables, several means
 
-TEST_CASE(
-    "jittered points keep the laws of a sequence, shared bases included, and beat the comb by two powers",
-    "[function_of_mean][law]") {
+TEST_CASE("jittered points keep the laws of a sequence, shared bases included, and beat the comb by two powers",
+          "[function_of_mean][law]") {
   const auto bent = [](double x) { return std::exp(1.5 * x); };
   CHECK(sequence_laws(function_of_jittered_integral(bent, functions::ExpMinus{}, {.to = 0.7}),
                       {.last = 7, .samples = 8192}) == Failures{});
@@ -542,8 +526,7 @@ TEST_CASE(
       double odd = 0;
       const std::int64_t count = doubled_draws(level);
       for (std::int64_t i = 0; i < count; ++i) {
-        ((i & 1) == 0 ? even : odd) +=
-            3 * (static_cast<double>(i) + rng.uniform()) / static_cast<double>(count);
+        ((i & 1) == 0 ? even : odd) += 3 * (static_cast<double>(i) + rng.uniform()) / static_cast<double>(count);
       }
       const double n = static_cast<double>(count);
       const double fine = std::exp(-(even + odd) / n);
@@ -554,8 +537,7 @@ TEST_CASE(
   CHECK(sequence_laws(PlainJitter{}) != Failures{});
 }
 
-TEST_CASE("each group of jittered points has one point in each part of its own level",
-          "[function_of_mean][exact]") {
+TEST_CASE("each group of jittered points has one point in each part of its own level", "[function_of_mean][exact]") {
   for (std::uint64_t i = 0; i < 20; ++i) {
     for (const std::int64_t group_level : {0, 1, 3}) {
       Stream rng(90, i);
@@ -674,13 +656,11 @@ TEST_CASE("ratios, self-normalised weights and log-sum-exp of several means keep
   const Eigen::Array2d q(0.7, 1.3);
   const Eigen::Array2d e(0.1, 0.2);
   const functions::Ratio ratio;
-  CHECK(ratio.gap(q, e) ==
-        Approx(ratio(q) - 0.5 * (ratio((q + e).eval()) + ratio((q - e).eval()))).epsilon(1e-13));
+  CHECK(ratio.gap(q, e) == Approx(ratio(q) - 0.5 * (ratio((q + e).eval()) + ratio((q - e).eval()))).epsilon(1e-13));
   CHECK(ratio.gap(q, Eigen::Array2d::Zero().eval()) == 0);
 }
 
-TEST_CASE("differences of 1e-12 of exp(-30) and exp(-100) keep their relative accuracy",
-          "[function_of_mean][exact]") {
+TEST_CASE("differences of 1e-12 of exp(-30) and exp(-100) keep their relative accuracy", "[function_of_mean][exact]") {
   for (const double tau : {30.0, 100.0}) {
     for (const double d : {1e-3, 1e-7, 1e-12}) {
       const double exact = -2 * std::exp(-tau) * std::pow(std::sinh(d / 2), 2);  // e^-tau (1 - cosh d)

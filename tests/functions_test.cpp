@@ -79,14 +79,13 @@ TEST_CASE("gaps have 14 digits where the subtraction has none", "[functions][exa
                  {-30.0, -1.0, 0.01, 0.5, 3.0, 30.0});
   for (const double a : {-1.5, -0.25, 0.5, 1.5, 2.0, 3.7}) {
     check_function(
-        functions::Power{a}, [a](const Exact& x) { return Exact(pow(x, Exact(a))); }, {1e-3, 0.3, 1.0, 50.0},
-        1e-14);
+        functions::Power{a}, [a](const Exact& x) { return Exact(pow(x, Exact(a))); }, {1e-3, 0.3, 1.0, 50.0}, 1e-14);
   }
   for (const double c : {0.05, 0.5, 0.8, 2.0}) {
     const Exact c2 = Exact(c) * c;
     check_function(
-        functions::Davis{c}, [c2](const Exact& x) { return Exact(pow(1 + c2 * x, -1 / c2)); },
-        {0.01, 0.3, 2.0, 10.0}, 1e-14);
+        functions::Davis{c}, [c2](const Exact& x) { return Exact(pow(1 + c2 * x, -1 / c2)); }, {0.01, 0.3, 2.0, 10.0},
+        1e-14);
   }
 
   // Power check: the plain subtraction, and a gap that is off by a small term.

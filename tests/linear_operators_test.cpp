@@ -130,8 +130,7 @@ TEST_CASE("the walk is refused where its weights have infinite variance although
           "[linear_operators][exact]") {
   const Matrix2d spiral{{0.6, -0.6}, {0.6, 0.6}};  // radius 0.6 sqrt 2; a_ij^2 / p_ij = 0.72 has radius 1.44
   CHECK(spectral_radius(spiral) == Approx(0.6 * std::sqrt(2.0)).epsilon(1e-2));
-  CHECK_THROWS_WITH(neumann_walk(spiral, source, first),
-                    Catch::Contains("1.44") && Catch::Contains("neumann"));
+  CHECK_THROWS_WITH(neumann_walk(spiral, source, first), Catch::Contains("1.44") && Catch::Contains("neumann"));
   const Vector2d exact = (Matrix2d::Identity() - spiral).inverse() * source;
   CHECK(agrees(roulette(neumann(spiral, source, first)), exact[0]));
   // the second moments of the weights do what M says: E W_k^2 = sum_j (M^k)_0j = 1.44^k, for any number of
@@ -169,11 +168,9 @@ TEST_CASE("D17: log det(I - A) and traces of functions by random signs", "[linea
   CHECK(std::abs(m.mean + 0.9) < 4.5 * m.standard_error());
   CHECK(m.variance() == Approx(0.2).epsilon(0.05));
 
-  const double trace_of_exp =
-      Eigen::SelfAdjointEigenSolver<Matrix3d>(chain).eigenvalues().array().exp().sum();
+  const double trace_of_exp = Eigen::SelfAdjointEigenSolver<Matrix3d>(chain).eigenvalues().array().exp().sum();
   const auto inverse_factorial = [](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); };
-  const auto exponential =
-      trace_of_function(chain, inverse_factorial, std::numeric_limits<double>::infinity());
+  const auto exponential = trace_of_function(chain, inverse_factorial, std::numeric_limits<double>::infinity());
   CHECK(agrees(roulette(exponential, Geometric(0.5)), trace_of_exp));
 }
 
@@ -213,9 +210,8 @@ TEST_CASE("sizes that do not fit are refused", "[linear_operators][exact]") {
   CHECK_THROWS_AS(log_determinant(oblong), std::invalid_argument);
 }
 
-TEST_CASE(
-    "a sparse system of 100000 unknowns agrees with Eigen's solver in memory proportional to the entries",
-    "[linear_operators][stat]") {
+TEST_CASE("a sparse system of 100000 unknowns agrees with Eigen's solver in memory proportional to the entries",
+          "[linear_operators][stat]") {
   const Sparse a = grid(400, 250);
   const Eigen::Index n = a.rows();
   REQUIRE(n == 100000);

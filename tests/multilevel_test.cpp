@@ -26,8 +26,7 @@ struct Levels {
 
 }  // namespace
 
-TEST_CASE("multilevel keeps its root mean square error, variance and bias together",
-          "[multilevel][statistical]") {
+TEST_CASE("multilevel keeps its root mean square error, variance and bias together", "[multilevel][statistical]") {
   for (const double beta : {1.0, 1.5, 2.0}) {
     const double error = 0.02;
     double square = 0;
@@ -47,8 +46,7 @@ TEST_CASE("multilevel keeps its root mean square error, variance and bias togeth
   }
 }
 
-TEST_CASE("multilevel puts its draws where sqrt of variance over work asks for them",
-          "[multilevel][statistical]") {
+TEST_CASE("multilevel puts its draws where sqrt of variance over work asks for them", "[multilevel][statistical]") {
   const auto r = multilevel(Levels{2}, 0.01, {.seed = 3});
   double roots = 0;
   for (const MultilevelRow& row : r.rows) roots += std::sqrt(row.variance * row.work);
@@ -64,8 +62,7 @@ TEST_CASE("multilevel puts its draws where sqrt of variance over work asks for t
   CHECK(r.error() < 0.0105);
 }
 
-TEST_CASE("multilevel is the same for any threads and says when its levels are not enough",
-          "[multilevel][exact]") {
+TEST_CASE("multilevel is the same for any threads and says when its levels are not enough", "[multilevel][exact]") {
   const auto one = multilevel(SquaredMean{}, 0.05, {.seed = 2, .threads = 1});
   const auto two = multilevel(SquaredMean{}, 0.05, {.seed = 2, .threads = 2});
   CHECK(one.components[0].mean == two.components[0].mean);

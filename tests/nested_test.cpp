@@ -60,8 +60,7 @@ TEST_CASE("the squared inner mean of the normal model has the closed-form moment
   }
   // Power check: the moments of the level below, and an outer draw for each inner one (E I_k = 1 / n).
   CHECK(worst_z(f02, 3, 40000, 1 + 0.5 / 4, -0.5 / 2, 0.75 / 4) > 4.5);
-  const auto not_nested =
-      function_of_mean([](Stream& rng) { return around(normal(rng), rng); }, functions::Square{});
+  const auto not_nested = function_of_mean([](Stream& rng) { return around(normal(rng), rng); }, functions::Square{});
   CHECK(worst_z(not_nested, 3, 40000, 1 + 0.5 / 4, -0.5 / 4, 0.75 / 16) > 4.5);
 }
 
@@ -104,9 +103,7 @@ TEST_CASE("one outer draw serves all inner draws of a level, and the work counts
     std::string name;
     double dose;
   };
-  const auto outer = [](Stream& rng) {
-    return Patient{"a name that does not fit a small string", rng.uniform()};
-  };
+  const auto outer = [](Stream& rng) { return Patient{"a name that does not fit a small string", rng.uniform()}; };
   const auto inner = [](const Patient& p, Stream&) { return p.dose; };
   const auto s = nested(outer, inner, functions::Log{});
   for (std::int64_t k = 0; k <= 4; ++k) {
@@ -164,6 +161,5 @@ TEST_CASE("F09: two nestings, the inner draw an unbiased estimate of a nested ex
   const auto r = estimate(single_term(s, {.base_level = 2}), {.samples = 1 << 14});
   INFO(r);
   CHECK(std::abs(r.mean - std::exp(-1) / std::sqrt(3.0)) < 4.5 * r.standard_error);
-  CHECK(std::abs(r.mean - std::exp(-1.25)) >
-        4.5 * r.standard_error);  // E[Z^2|X] = X^2 + 2 taken for its square
+  CHECK(std::abs(r.mean - std::exp(-1.25)) > 4.5 * r.standard_error);  // E[Z^2|X] = X^2 + 2 taken for its square
 }

@@ -63,8 +63,7 @@ struct Basel {
     const auto k = static_cast<double>(level);
     const double d = (0.5 + rng.uniform()) / ((k + 1) * (k + 1));
     double below = 0;
-    for (std::int64_t i = 0; i < level; ++i)
-      below += 1 / (static_cast<double>(i + 1) * static_cast<double>(i + 1));
+    for (std::int64_t i = 0; i < level; ++i) below += 1 / (static_cast<double>(i + 1) * static_cast<double>(i + 1));
     return {below + d, d, 1.0};
   }
 };
@@ -88,8 +87,7 @@ double measured_product(const R& r) {
 
 }  // namespace
 
-TEST_CASE("a sequence that declares nothing is estimated without bias in three lines",
-          "[recipe][statistical]") {
+TEST_CASE("a sequence that declares nothing is estimated without bias in three lines", "[recipe][statistical]") {
   // (E X)^2 = 1 of an exponential X: the square of the mean of 2^k draws, and of its two halves.
   const auto my_sequence = [](std::int64_t level, Stream& rng) {
     if (level == 0) {
@@ -140,8 +138,7 @@ TEST_CASE("a run by recipe is the run of the estimator that its advice names", "
   const std::string spec = advice.law.spec();
   advice.law = AnyPmf::parse(spec);
   CHECK(advice.law.spec() == spec);
-  const auto again =
-      estimate(estimator_of(sequence, advice), {.samples = advice.members / advice.block, .seed = 11});
+  const auto again = estimate(estimator_of(sequence, advice), {.samples = advice.members / advice.block, .seed = 11});
   CHECK(again.mean == result.mean);
   CHECK(again.standard_error == result.standard_error);
   const LargeSample& largest = result.largest.front();
@@ -151,8 +148,7 @@ TEST_CASE("a run by recipe is the run of the estimator that its advice names", "
   CHECK(advice.members % advice.block == 0);
 }
 
-TEST_CASE("where no law has finite variance and finite work a recipe says so and what to expect",
-          "[recipe][exact]") {
+TEST_CASE("where no law has finite variance and finite work a recipe says so and what to expect", "[recipe][exact]") {
   CHECK_THROWS_WITH(estimate(recipe(Pure{1}), {.samples = 1 << 17}),
                     Catch::Contains("finite variance and finite work") && Catch::Contains("multilevel"));
   const Advice half = advise(level_runs(Pure{0.5}), {.samples = 1 << 17});
@@ -168,16 +164,13 @@ TEST_CASE("the moments that a survey measured give A10 its known products", "[re
   const Survey s = survey(SquaredMean{}, 11, {.samples = 1 << 15, .seed = 1});
   const LevelModel model = model_of(s, 90);
   TermMoments t;
-  const auto from_one = [](const std::vector<double>& v) {
-    return std::vector<double>(v.begin() + 1, v.end());
-  };
+  const auto from_one = [](const std::vector<double>& v) { return std::vector<double>(v.begin() + 1, v.end()); };
   t.variance = from_one(model.variance);
   t.mean_square = from_one(model.mean_square);
   t.work = from_one(model.work);
   const auto geometric = [&](double r) {
     std::vector<double> masses;
-    for (std::size_t j = 0; j < t.work.size(); ++j)
-      masses.push_back(r * std::pow(1 - r, static_cast<double>(j)));
+    for (std::size_t j = 0; j < t.work.size(); ++j) masses.push_back(r * std::pow(1 - r, static_cast<double>(j)));
     return predict(t, masses).product();
   };
   CHECK(geometric(0.55) == Approx(54.5).epsilon(0.03));
@@ -207,8 +200,7 @@ TEST_CASE("levels of which the pilot saw only zeros keep the mass that the fitte
   CHECK(std::abs(z_of(estimate(recipe(Rare{}), plan), Rare::truth())) < 4.5);
 }
 
-TEST_CASE("exact zeros, powers of the level and wild first levels each get a law that fits",
-          "[recipe][statistical]") {
+TEST_CASE("exact zeros, powers of the level and wild first levels each get a law that fits", "[recipe][statistical]") {
   const auto steady = estimate(recipe(Steady{}), {.samples = 1 << 14, .seed = 2});
   CHECK(std::abs(z_of(steady, 0.5)) < 4.5);
   CHECK(measured_product(steady) < 1.2 * steady.advice.bound);
@@ -219,15 +211,13 @@ TEST_CASE("exact zeros, powers of the level and wild first levels each get a law
   CHECK(basel.exponent.exponent < 3);
 }
 
-TEST_CASE("on combs the base moves up to the cap and is made of the draws of the difference",
-          "[recipe][statistical]") {
+TEST_CASE("on combs the base moves up to the cap and is made of the draws of the difference", "[recipe][statistical]") {
   const auto result = estimate(recipe(Comb{}), {.samples = 1 << 18, .seed = 2});
   CHECK(result.advice.shares_base);
   CHECK(result.advice.base_level == 6);
   CHECK(std::abs(z_of(result, Comb{}.truth())) < 4.5);
   CHECK(measured_product(result) < result.advice.bound);
-  const auto fixed =
-      estimate(recipe(Comb{}, {.base_level = 2, .base = Base::drawn}), {.samples = 1 << 15, .seed = 2});
+  const auto fixed = estimate(recipe(Comb{}, {.base_level = 2, .base = Base::drawn}), {.samples = 1 << 15, .seed = 2});
   CHECK(fixed.advice.base_level == 2);
   CHECK(fixed.advice.base == Base::drawn);
   CHECK(std::abs(z_of(fixed, Comb{}.truth())) < 4.5);
@@ -275,8 +265,7 @@ TEST_CASE("a recipe refuses a base level that its pilot does not reach", "[recip
 
 TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on twelve problems of six groups",
           "[recipe][statistical][stat]") {
-  for (const char* id :
-       {"A01", "A10", "A13", "C06", "D17", "E02", "E07", "asian-call", "F01", "F02", "H01", "H04"}) {
+  for (const char* id : {"A01", "A10", "A13", "C06", "D17", "E02", "E07", "asian-call", "F01", "F02", "H01", "H04"}) {
     const catalog::Problem& p = catalog::find(id);
     const Plan plan{.samples = 1 << 20, .seed = 1};
     const Advice advice = advise(p.levels, plan, {.base_level = p.lowest_base});
@@ -322,8 +311,7 @@ TEST_CASE(
       if (r.level > 0) masses.push_back(std::max(1e-12, std::sqrt(r.second_moment / r.difference_work)));
     }
     const auto e = stratified(single_term(Rare{}, Tabulated(masses, 0.4)), 256);
-    plain = std::max(
-        plain, std::abs(z_of(estimate(e, {.samples = plan.samples / 256, .seed = seed}), Rare::truth())));
+    plain = std::max(plain, std::abs(z_of(estimate(e, {.samples = plan.samples / 256, .seed = seed}), Rare::truth())));
     careful = std::max(careful, std::abs(z_of(estimate(recipe(Rare{}), plan), Rare::truth())));
   }
   CAPTURE(plain, careful);
@@ -334,8 +322,7 @@ TEST_CASE(
 TEST_CASE("the tail index of a run is 1 - beta over 2 theta", "[recipe][statistical][stat]") {
   // Kurtosis 3 at every level: E |D|^q scales like (E D^2)^(q / 2).
   for (const double theta : {1.25, 1.5, 1.9, 2.4}) {
-    const auto r =
-        estimate(single_term(Pure{2}, Geometric::with_exponent(theta)), {.samples = 1 << 20, .seed = 6});
+    const auto r = estimate(single_term(Pure{2}, Geometric::with_exponent(theta)), {.samples = 1 << 20, .seed = 6});
     const RunVerdict verdict = r.verdict();
     const double xi = 1 - 2 / (2 * theta);
     CAPTURE(theta, xi, verdict.upper.k, verdict.lower.k);
@@ -344,8 +331,9 @@ TEST_CASE("the tail index of a run is 1 - beta over 2 theta", "[recipe][statisti
   }
 }
 
-TEST_CASE("on the whole catalogue a recipe predicts no less than its run has, and no more than the best draws without strata",
-          "[recipe][stat]") {
+TEST_CASE(
+    "on the whole catalogue a recipe predicts no less than its run has, and no more than the best draws without strata",
+    "[recipe][stat]") {
   std::vector<std::string> too_good;
   std::vector<std::string> too_bad;
   int usable = 0;
@@ -392,7 +380,14 @@ TEST_CASE("a recipe keeps the samples of its run, none of its pilot", "[recipe][
 }
 
 TEST_CASE("no goal ends a recipe with a handful of samples", "[recipe][stat]") {
-  for (const auto& [id, error] : {std::pair("F06", 0.06), {"E10", 0.3}, {"E10", 0.1}, {"M01", 0.1}, {"M02", 0.1}, {"B08", 0.01}, {"D07", 0.1}, {"D08", 0.1}}) {
+  for (const auto& [id, error] : {std::pair("F06", 0.06),
+                                  {"E10", 0.3},
+                                  {"E10", 0.1},
+                                  {"M01", 0.1},
+                                  {"M02", 0.1},
+                                  {"B08", 0.01},
+                                  {"D07", 0.1},
+                                  {"D08", 0.1}}) {
     const catalog::Problem& p = catalog::find(id);
     for (std::uint64_t seed = 1; seed <= 12; ++seed) {
       const Plan plan{.seed = seed, .goal = {.error = error}};
@@ -431,7 +426,8 @@ TEST_CASE("options by recipe take at most 0.1 (European) and 0.35 of the work of
       means.push_back(s.components[0].mean);
     }
     const Moments m = Moments::of(means);
-    CAPTURE(id, error, work / 16, baseline / 16, work / baseline, m.mean - p.truth, std::sqrt(squares / 16), least, most);
+    CAPTURE(id, error, work / 16, baseline / 16, work / baseline, m.mean - p.truth, std::sqrt(squares / 16), least,
+            most);
     CHECK(least > 0.6);  // predicted variance x work, over what the run has
     CHECK(most < 3);
     CHECK(work < bound * baseline);

@@ -43,8 +43,7 @@ double worst_z(const S& s, std::int64_t level, int n, double value, double diffe
   }
   const Moments v = Moments::of(values);
   const Moments d = Moments::of(differences);
-  return std::max(std::abs(v.mean - value) / v.standard_error(),
-                  std::abs(d.mean - difference) / d.standard_error());
+  return std::max(std::abs(v.mean - value) / v.standard_error(), std::abs(d.mean - difference) / d.standard_error());
 }
 
 double mean_reciprocal_of_exponentials(std::int64_t level) {  // E 1 / (mean of n) = n / (n - 1), a Gamma law
@@ -71,8 +70,7 @@ TEST_CASE("reciprocals of means of exponential draws have the level means of the
   CHECK(worst_z(s, 5, 40000, truth(5), truth(4) - truth(3)) > 4.5);
 }
 
-TEST_CASE("reciprocals of a comb on a linear function have closed-form level means",
-          "[reciprocal][statistical]") {
+TEST_CASE("reciprocals of a comb on a linear function have closed-form level means", "[reciprocal][statistical]") {
   const auto s = reciprocal_of_integral(twice);
   const auto truth = mean_reciprocal_of_linear_comb;
   for (std::int64_t k = 2; k <= 6; ++k) {
@@ -86,14 +84,12 @@ TEST_CASE("reciprocals keep the laws of a sequence and their declared rates", "[
   const auto bounded = [](Stream& rng) { return 0.5 + rng.uniform(); };  // A03
   CHECK(sequence_laws(reciprocal(bounded)) == Failures{});
   CHECK(sequence_laws(reciprocal([](Stream& rng) { return -2 - rng.uniform(); })) == Failures{});
-  CHECK(sequence_laws(reciprocal_of_integral([](double x) { return 1 + x; }, {.from = -0.5, .to = 2})) ==
-        Failures{});
+  CHECK(sequence_laws(reciprocal_of_integral([](double x) { return 1 + x; }, {.from = -0.5, .to = 2})) == Failures{});
   CHECK(sequence_laws(reciprocal(exponential), {.first = 4, .last = 8, .samples = 8192}) == Failures{});
 
   // Power check: other rates.
   CHECK(sequence_laws(reciprocal(bounded, {1.5, 1})) != Failures{});
-  CHECK(sequence_laws(reciprocal_of_integral([](double x) { return 1 + x; }, {.rates = {2, 1}})) !=
-        Failures{});
+  CHECK(sequence_laws(reciprocal_of_integral([](double x) { return 1 + x; }, {.rates = {2, 1}})) != Failures{});
 }
 
 TEST_CASE("draws near zero make the shallow levels heavy, and a base level above them does not see it",
@@ -187,9 +183,7 @@ TEST_CASE("every way to 1 / E X is unbiased with an honest error on draws betwee
   // Power check: a majorant that cuts, and a survival that is off.
   const auto cut = [](Stream& rng) { return std::min(1.2, bounded(rng)); };
   CHECK_FALSE(unbiased(reciprocal_trials(cut, 1.5), 1));
-  const auto off = [e = ReciprocalProduct(bounded, 0.9, 0.3)](Stream& rng) {
-    return 0.7 / 0.68 * e(rng).value;
-  };
+  const auto off = [e = ReciprocalProduct(bounded, 0.9, 0.3)](Stream& rng) { return 0.7 / 0.68 * e(rng).value; };
   CHECK_FALSE(unbiased(off, 1));
 }
 
@@ -233,8 +227,7 @@ TEST_CASE("the product has the variance of its formula, and its best survival fr
   CHECK(z_of_variance(reciprocal_residual(bounded, 0.5, 1.5),
                       (1 / 2.25) / (1.0 / 3) / (1 - (1 - 2 / 1.5 + 13.0 / 12 / 2.25) / (2.0 / 3)) - 1) < 4.5);
   const Moments pilot = Moments::of(std::vector<double>{0.5, 1.5});  // E X = 1, E X^2 = 1.25
-  CHECK(reciprocal_product(bounded, 0.5, pilot).describe() ==
-        "reciprocal_product, w 0.500000, survival 0.559017");
+  CHECK(reciprocal_product(bounded, 0.5, pilot).describe() == "reciprocal_product, w 0.500000, survival 0.559017");
   CHECK_THROWS_WITH(reciprocal_product(bounded, 1.6, pilot), Catch::Contains("0.8"));
 }
 
@@ -247,9 +240,8 @@ TEST_CASE("a clamp that vanishes with the level telescopes and makes draws of ze
   // it is left.
   CHECK(sequence_laws(clamped, {.first = 2, .last = 8, .samples = 8192, .rates = false}) == Failures{});
   CHECK(unbiased(single_term(clamped, Geometric(0.6), {.base_level = 2}), 1, 1 << 18));
-  const auto touching =
-      clamped_reciprocal_of_integral([](double x) { return 4 * (1 + std::sin(2 * std::numbers::pi * x)); }, 1,
-                                     {.rates = {Rates::faster_than_any, 1}});
+  const auto touching = clamped_reciprocal_of_integral(
+      [](double x) { return 4 * (1 + std::sin(2 * std::numbers::pi * x)); }, 1, {.rates = {Rates::faster_than_any, 1}});
   CHECK(unbiased(single_term(touching, Geometric(0.6), {.base_level = 1}), 0.25));
 
   // A draw that is not a number is not clamped away.
@@ -302,6 +294,5 @@ TEST_CASE("what would never end is given up aloud after 10^9 trials or terms", "
   NullRecord none;
   CHECK_THROWS_AS(reciprocal_trials([](Stream&) { return 0.0; }, 1)(rng), std::length_error);
   const auto at_the_edge = [](Stream&) { return 0.0; };  // |1 - X / a| = 1: the terms do not fall
-  CHECK_THROWS_AS(roulette(reciprocal_series(at_the_edge, 1.0), RunningWeight(1))(rng, none),
-                  std::length_error);
+  CHECK_THROWS_AS(roulette(reciprocal_series(at_the_edge, 1.0), RunningWeight(1))(rng, none), std::length_error);
 }

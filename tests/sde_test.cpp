@@ -85,8 +85,7 @@ Factors milstein_factors(double h, double r, double sigma) {
 std::pair<double, double> exact_moments(const Factors& q, std::int64_t k, double scale) {
   const double n = std::ldexp(1.0, static_cast<int>(k - 1));  // coarse steps
   const double mean = std::pow(q.fine_mean, 2 * n) - std::pow(q.coarse_mean, n);
-  const double mean_square =
-      std::pow(q.fine_square, 2 * n) - 2 * std::pow(q.cross, n) + std::pow(q.coarse_square, n);
+  const double mean_square = std::pow(q.fine_square, 2 * n) - 2 * std::pow(q.cross, n) + std::pow(q.coarse_square, n);
   return {scale * mean, scale * scale * mean_square};
 }
 
@@ -111,11 +110,8 @@ struct ClarkCameron {
   Eigen::Vector2d start{0, 0};
   double horizon = 1;
   Eigen::Vector2d drift(const Eigen::Vector2d& /*x*/, double /*t*/) const { return {0, 0}; }
-  Eigen::Matrix2d diffusion(const Eigen::Vector2d& x, double /*t*/) const {
-    return Eigen::Matrix2d{{1, 0}, {0, x[0]}};
-  }
-  Eigen::Matrix2d diffusion_along(const Eigen::Vector2d& /*x*/, double /*t*/,
-                                  const Eigen::Vector2d& v) const {
+  Eigen::Matrix2d diffusion(const Eigen::Vector2d& x, double /*t*/) const { return Eigen::Matrix2d{{1, 0}, {0, x[0]}}; }
+  Eigen::Matrix2d diffusion_along(const Eigen::Vector2d& /*x*/, double /*t*/, const Eigen::Vector2d& v) const {
     return Eigen::Matrix2d{{0, 0}, {0, v[0]}};
   }
 };
@@ -129,9 +125,7 @@ struct AsVector {
   double horizon = model.horizon;
   static Eigen::MatrixXd one(double x) { return Eigen::MatrixXd::Constant(1, 1, x); }
   Eigen::VectorXd drift(const Eigen::VectorXd& x, double t) const { return one(model.drift(x[0], t)); }
-  Eigen::MatrixXd diffusion(const Eigen::VectorXd& x, double t) const {
-    return one(model.diffusion(x[0], t));
-  }
+  Eigen::MatrixXd diffusion(const Eigen::VectorXd& x, double t) const { return one(model.diffusion(x[0], t)); }
   Eigen::MatrixXd diffusion_along(const Eigen::VectorXd& x, double t, const Eigen::VectorXd& v) const {
     return one(v[0] * model.diffusion_derivative(x[0], t));
   }
@@ -181,8 +175,8 @@ TEST_CASE("E06: the formula of the exact level moments gives the table", "[sde][
                                    0.51552896282767892, 0.25898524851171741, 0.12979720944473614};
   for (std::size_t j = 0; j < mean.size(); ++j) {  // the table has Delta_j = D_(j+1)
     const auto k = static_cast<std::int64_t>(j + 1);
-    const auto exact = exact_moments(euler_factors(std::ldexp(1.0, -static_cast<int>(k)), 0.05, 0.2), k,
-                                     100 * std::exp(-0.05));
+    const auto exact =
+        exact_moments(euler_factors(std::ldexp(1.0, -static_cast<int>(k)), 0.05, 0.2), k, 100 * std::exp(-0.05));
     // three powers near 1.1 cancel, times the scale 95^2
     CHECK(std::abs(exact.first - mean[j]) < 1e-11);
     CHECK(std::abs(exact.second - mean_square[j]) < 1e-9);
@@ -289,8 +283,7 @@ TEST_CASE("a swapped sign and a coarse path that drops an increment do not teles
   CHECK(sequence_laws(dropped) != Failures{});
 }
 
-TEST_CASE("value_at is the fine path of a draw, bit for bit, without the work of the coarse one",
-          "[sde][exact]") {
+TEST_CASE("value_at is the fine path of a draw, bit for bit, without the work of the coarse one", "[sde][exact]") {
   const GeometricBrownianMotion odd{.start = 1.1, .growth = 0.3, .volatility = 0.7, .horizon = 0.9};
   const auto s = milstein(odd, call);
   const auto path = euler(odd, terminal);
@@ -353,9 +346,8 @@ TEST_CASE("a model without a diffusion derivative is for Euler only", "[sde][com
   STATIC_REQUIRE(DifferentiableSde<OrnsteinUhlenbeck>);
 }
 
-TEST_CASE(
-    "the quantiles of a bridge invert its crossing probability, and its integral has the moments of a bridge",
-    "[sde][exact]") {
+TEST_CASE("the quantiles of a bridge invert its crossing probability, and its integral has the moments of a bridge",
+          "[sde][exact]") {
   const Bridge bridge{1.2, 0.9, 0.4, 0.3};
   double mean = 0;
   double square = 0;
@@ -378,8 +370,7 @@ TEST_CASE(
   CHECK(Bridge{1, 1, 0, 0.3}.crossing(0.1, 0.1) == 0);  // a line does not cross
 }
 
-TEST_CASE("averages, extremes and barriers keep the laws of a sequence, with the declared rates",
-          "[sde][law]") {
+TEST_CASE("averages, extremes and barriers keep the laws of a sequence, with the declared rates", "[sde][law]") {
   CHECK(sequence_laws(milstein(stock, Average{}, asian), {.last = 7}) == Failures{});
   CHECK(sequence_laws(milstein(stock, Minimum{}, lookback), {.last = 7}) == Failures{});
   CHECK(sequence_laws(milstein(stock, Maximum{}, highest), {.last = 7}) == Failures{});
@@ -407,8 +398,7 @@ TEST_CASE("a summary without bridges sees the steps of each path", "[sde][exact]
     std::vector<double> seen{};
     void add(double from, double to, double length) { seen.insert(seen.end(), {from, to, length}); }
   };
-  const auto clock =
-      euler(Clock{}, Steps{}, [](const Steps& s) { return static_cast<double>(s.seen.size()); });
+  const auto clock = euler(Clock{}, Steps{}, [](const Steps& s) { return static_cast<double>(s.seen.size()); });
   Stream rng(1, 1);
   CHECK(clock(3, rng).value == 24);
   CHECK(clock(3, rng).difference == 12);
@@ -442,17 +432,15 @@ TEST_CASE("E10: the antithetic twin restores the rate 2 where noise does not com
   CHECK(std::abs(r.mean - 1 / std::cosh(1.0)) > 4.5 * r.standard_error);
 }
 
-TEST_CASE(
-    "a vector of one component is the scalar scheme, and antithetic noise that commutes changes nothing",
-    "[sde][vector][exact]") {
+TEST_CASE("a vector of one component is the scalar scheme, and antithetic noise that commutes changes nothing",
+          "[sde][vector][exact]") {
   const AsVector<GeometricBrownianMotion> wrapped{stock};
   const auto first_of = [](const Eigen::VectorXd& x) { return x[0]; };
   const auto scalar = milstein(stock, terminal);
   const auto vector = milstein(wrapped, first_of);
   const auto scalar_euler = euler(stock, terminal);
   const auto vector_euler = euler(wrapped, first_of);
-  const auto averages =
-      milstein(wrapped, AverageOf{first_of}, [](const auto& path) { return path.average(); });
+  const auto averages = milstein(wrapped, AverageOf{first_of}, [](const auto& path) { return path.average(); });
   for (std::int64_t k = 0; k <= 6; ++k) {
     for (std::uint64_t i = 0; i < 10; ++i) {
       Stream one(7, i);

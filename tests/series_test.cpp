@@ -56,8 +56,7 @@ double sum_of(const S& s, std::int64_t terms) {
 
 }  // namespace
 
-TEST_CASE("D01: the levels of sum 2^-k are 2 - 2^-k, the differences the terms, to the last bit",
-          "[series][exact]") {
+TEST_CASE("D01: the levels of sum 2^-k are 2 - 2^-k, the differences the terms, to the last bit", "[series][exact]") {
   const auto s = series(halves, geometric_terms(0.5));
   for (std::int64_t k = 0; k <= 52; ++k) {
     const Draw<double> draw = s(k, unused);
@@ -99,8 +98,7 @@ TEST_CASE("the declared rates of series are those of their terms", "[series][law
   CHECK(sequence_laws(series(squares, geometric_terms(0.5)), far) != Failures{});
 }
 
-TEST_CASE("rates of terms: beta = -2 log2|ratio|, 2 s for k^-s, impossible ones are refused",
-          "[series][exact]") {
+TEST_CASE("rates of terms: beta = -2 log2|ratio|, 2 s for k^-s, impossible ones are refused", "[series][exact]") {
   CHECK(geometric_terms(0.25).variance == 4);
   CHECK(geometric_terms(-0.25).variance == 4);
   CHECK(geometric_terms(0).variance == Rates::faster_than_any);
@@ -110,8 +108,7 @@ TEST_CASE("rates of terms: beta = -2 log2|ratio|, 2 s for k^-s, impossible ones 
   for (const double ratio : {1.0, -1.0, 1.5, std::nan("")}) {
     CHECK_THROWS_AS(geometric_terms(ratio), std::invalid_argument);
   }
-  for (const double s : {0.0, -1.0, std::nan("")})
-    CHECK_THROWS_AS(polynomial_terms(s), std::invalid_argument);
+  for (const double s : {0.0, -1.0, std::nan("")}) CHECK_THROWS_AS(polynomial_terms(s), std::invalid_argument);
   CHECK(law_exists(polynomial_terms(1.01)));
   CHECK_FALSE(law_exists(polynomial_terms(1)));
 }
@@ -136,8 +133,7 @@ TEST_CASE("a random term is the same number on every way to it", "[series][exact
   }
 }
 
-TEST_CASE("random terms have the means of the series, and are independent of each other",
-          "[series][statistical]") {
+TEST_CASE("random terms have the means of the series, and are independent of each other", "[series][statistical]") {
   const auto s = series(noisy_halves, geometric_terms(0.5));
   CHECK(sequence_laws(s, terms_up_to(10)) == Failures{});
 
@@ -216,8 +212,7 @@ TEST_CASE("pairing an alternating series of terms like 1/k makes a law possible"
   // the rates of the terms are not those of the pairs
   CHECK(sequence_laws(RatedSeries(pairs.terms(), s.rates), far) != Failures{});
 
-  const auto alternating =
-      paired(series([](std::int64_t k) { return power(-0.5, k); }, geometric_terms(-0.5)));
+  const auto alternating = paired(series([](std::int64_t k) { return power(-0.5, k); }, geometric_terms(-0.5)));
   CHECK(alternating.rates.variance == 4);
   CHECK(sequence_laws(alternating, terms_up_to(8)) == Failures{});
   CHECK(paired(series(factorials, factorial_terms)).rates.variance == Rates::faster_than_any);
@@ -258,8 +253,7 @@ TEST_CASE("terms may be vectors", "[series][exact]") {
   CHECK(paired(s).difference_at(1, unused).value[0] == 0.375);
 }
 
-TEST_CASE("a series is levels and terms at once, with rates only if they were declared",
-          "[series][compile]") {
+TEST_CASE("a series is levels and terms at once, with rates only if they were declared", "[series][compile]") {
   using Plain = decltype(series(halves));
   using Rated = decltype(series(halves, geometric_terms(0.5)));
   using Random = decltype(series(noisy_halves));
@@ -286,8 +280,7 @@ TEST_CASE("dyadic blocks hold the terms 2^(k-1) ... 2^k - 1, for as much work", 
     for (std::int64_t i = first; i < end; ++i) block += squares(i);
     CHECK(s.difference_at(k, unused).value == Approx(block).epsilon(1e-13));
     CHECK(s.difference_at(k, unused).work == static_cast<double>(end - first));
-    CHECK(s.value_at(k, unused).value ==
-          Approx(series(squares).value_at(end - 1, unused).value).epsilon(1e-13));
+    CHECK(s.value_at(k, unused).value == Approx(series(squares).value_at(end - 1, unused).value).epsilon(1e-13));
     CHECK(s.value_at(k, unused).work == static_cast<double>(end));
     CHECK(s(k, unused).difference == s.difference_at(k, unused).value);
     first = end;
@@ -298,9 +291,8 @@ TEST_CASE("dyadic blocks hold the terms 2^(k-1) ... 2^k - 1, for as much work", 
   CHECK(sequence_laws(blocks(series(squares), {4, 1}), {.last = 10, .rates_from = 4}) != Failures{});
 }
 
-TEST_CASE(
-    "unit blocks of a polynomial decay under a geometric law have infinite variance, dyadic ones have not",
-    "[series][statistical]") {
+TEST_CASE("unit blocks of a polynomial decay under a geometric law have infinite variance, dyadic ones have not",
+          "[series][statistical]") {
   const auto units = series(squares, polynomial_terms(2));
   const auto dyadic = blocks(units);
   const TailExponent geometric = Geometric::with_exponent(1.5).tail_exponent();
@@ -336,9 +328,7 @@ TEST_CASE("D14: truncation of the path depth, debiased by roulette, is classical
   };
   const auto emission = [](double position) { return 2 * position; };  // 1 on average
   const auto start = [](Stream& rng) { return Vertex{rng.uniform(), 1}; };
-  const auto bounce = [](const Vertex& v, Stream& rng) {
-    return Vertex{rng.uniform(), albedo * v.throughput};
-  };
+  const auto bounce = [](const Vertex& v, Stream& rng) { return Vertex{rng.uniform(), albedo * v.throughput}; };
   const auto radiance = [&emission](const Vertex& v) { return v.throughput * emission(v.position); };
   const auto path = path_series(start, bounce, radiance, geometric_terms(albedo));
   const Geometric survival(1 - albedo);

@@ -99,8 +99,7 @@ TEST_CASE("H01: an autoregressive chain has E I_k = sum rho^(2 i) and the known 
     CHECK(z_score(m, exact / 4) > 5.5);
   }
   CHECK(sequence_laws(s, levels(14, 20)) == Failures{});
-  CHECK(sequence_laws(steady_state(autoregressive, 0.0, square, contraction(0.6)), levels(14, 20)) !=
-        Failures{});
+  CHECK(sequence_laws(steady_state(autoregressive, 0.0, square, contraction(0.6)), levels(14, 20)) != Failures{});
 }
 
 TEST_CASE("H02: the queue has the level means of Spitzer's identity", "[steady_state][statistical]") {
@@ -170,8 +169,7 @@ TEST_CASE("H07: the Dickman chain has the known level means and a contraction of
       mean_under_3 = 4.0 / 5 * (1 + mean_under_3);
     }
     const double n = static_cast<double>(k);
-    const double exact =
-        4 * std::pow(3, -n) * square_under_2 + 4 * std::pow(4, -n) * mean_under_3 + std::pow(5, -n);
+    const double exact = 4 * std::pow(3, -n) * square_under_2 + 4 * std::pow(4, -n) * mean_under_3 + std::pow(5, -n);
     const Moments m = moments(1 << 15, [&](Stream& rng) { return square(s(k, rng).difference); });
     CHECK(z_score(m, exact) < 5.5);
   }
@@ -195,8 +193,7 @@ TEST_CASE("the halving chain is the binary number of its coin tosses, exactly", 
   }
 }
 
-TEST_CASE("on one stream the levels telescope sample by sample, whatever a step draws",
-          "[steady_state][exact]") {
+TEST_CASE("on one stream the levels telescope sample by sample, whatever a step draws", "[steady_state][exact]") {
   const auto check = [](const auto& s) {
     for (std::uint64_t i = 0; i < 50; ++i) {
       const Stream rng(8, i);
@@ -232,8 +229,7 @@ TEST_CASE("a step may use more random numbers on one path than on the other", "[
   CHECK(sequence_laws(running) != Failures{});
 }
 
-TEST_CASE("innovations that are not shared lose the rate, a swapped sign the telescoping",
-          "[steady_state][law]") {
+TEST_CASE("innovations that are not shared lose the rate, a swapped sign the telescoping", "[steady_state][law]") {
   const auto s = steady_state(halving, 0.0, square, contraction(0.5));
   struct NotShared {
     Rates rates = contraction(0.5);
@@ -298,8 +294,7 @@ TEST_CASE("contraction declares -2 log2 c and refuses what does not contract", "
   CHECK(contraction(0.25).work == 0);
   CHECK(contraction(0).variance == Rates::faster_than_any);
   CHECK(law_exists(contraction(0.999)));
-  for (const double c : {1.0, -0.5, 2.0, std::nan("")})
-    CHECK_THROWS_AS(contraction(c), std::invalid_argument);
+  for (const double c : {1.0, -0.5, 2.0, std::nan("")}) CHECK_THROWS_AS(contraction(c), std::invalid_argument);
 }
 
 TEST_CASE("a steady state is a sequence that declares its rates", "[steady_state][compile]") {

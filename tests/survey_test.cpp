@@ -90,8 +90,7 @@ TEST_CASE("the table of A10 agrees with its closed-form moments at every level",
     CHECK(r.seconds > 0);
     if (r.level == 0) continue;
     CHECK(std::abs(r.difference - SquaredMean::difference_mean(r.level)) < family_z * r.difference_error);
-    CHECK(std::abs(r.second_moment - SquaredMean::difference_square(r.level)) <
-          family_z * r.second_moment_error);
+    CHECK(std::abs(r.second_moment - SquaredMean::difference_square(r.level)) < family_z * r.second_moment_error);
     CHECK(std::abs(r.consistency) < family_z);
     CHECK(r.nonzero == 1);
     CHECK(r.difference_variance == Approx(r.second_moment - r.difference * r.difference).epsilon(1e-3));
@@ -113,14 +112,12 @@ TEST_CASE("the consistency check finds a coupling whose coarse partner is not th
   CHECK(std::abs(wrong.rows[1].consistency) > 4.5);
 }
 
-TEST_CASE("rates are within 0.15 and their errors honest where a power law is exact",
-          "[survey][statistical]") {
+TEST_CASE("rates are within 0.15 and their errors honest where a power law is exact", "[survey][statistical]") {
   for (const double beta : {0.5, 1.0, 1.5, 2.0, 4.0}) {
     double sum_of_squares = 0;
     const int seeds = 40;
     for (int seed = 1; seed <= seeds; ++seed) {
-      const Survey s =
-          survey(NormalDifferences{beta}, 8, {.samples = 4096, .seed = static_cast<std::uint64_t>(seed)});
+      const Survey s = survey(NormalDifferences{beta}, 8, {.samples = 4096, .seed = static_cast<std::uint64_t>(seed)});
       CAPTURE(beta, seed, s.rates.variance.value);
       REQUIRE(s.rates.kind == RateKind::geometric);
       REQUIRE(std::abs(s.rates.variance.value - beta) < 0.15);
@@ -144,8 +141,7 @@ TEST_CASE("a law exists, does not, or nobody can tell yet", "[survey][statistica
   CHECK(answer(NormalDifferences{1, 0}) == Answer::yes);
   CHECK(answer(NormalDifferences{-1, 0}) == Answer::no);
   // Shallow levels that do not decay yet, below deeper ones without a vote, are no proof that none will.
-  CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).law_exists !=
-        Answer::no);
+  CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).law_exists != Answer::no);
   // Two levels that vote are no rate.
   CHECK(answer(NormalDifferences{2, 1}, 3, 64) == Answer::cannot_tell);
   // Few draws beside beta - gamma = 0.3: within the error.
@@ -207,7 +203,7 @@ TEST_CASE("members of a level that run together leave what does not depend on th
   REQUIRE(first.base_left.size() == 10);
   REQUIRE(deep.difference_left.size() == 10);
   CHECK(first.base_left.front() == 1);
-  CHECK(first.base_left.back() < 0.01);       // one step: the first number is all there is
+  CHECK(first.base_left.back() < 0.01);      // one step: the first number is all there is
   CHECK(deep.difference_left.back() > 0.8);  // one of sixteen increments
   // And that is the variance of a block: 64 members of level 0 and nothing else.
   const catalog::Problem& p = catalog::find("european-call");
@@ -239,10 +235,9 @@ TEST_CASE("a survey prints its table, rates and answer", "[survey][exact]") {
     CHECK(text.str().find(word) != text.str().npos);
 }
 
-TEST_CASE("the rates that the catalogue declares are the rates that a survey measures",
-          "[survey][statistical][stat]") {
-  for (const char* id : {"A01", "A03", "A07", "A10", "A13", "A20", "B02", "B03", "B09", "B12", "C01", "C02",
-                         "C05", "D19", "E02", "E07", "F02", "F06"}) {
+TEST_CASE("the rates that the catalogue declares are the rates that a survey measures", "[survey][statistical][stat]") {
+  for (const char* id : {"A01", "A03", "A07", "A10", "A13", "A20", "B02", "B03", "B09", "B12", "C01", "C02", "C05",
+                         "D19", "E02", "E07", "F02", "F06"}) {
     const catalog::Problem& p = catalog::find(id);
     const Survey s = survey_within(p.levels, 4e6, {.samples = 1 << 15, .seed = 1});
     CAPTURE(id, s.rates.variance.value, s.rates.variance.error);
@@ -269,8 +264,7 @@ Answers ask(double work, std::uint64_t seeds) {
     const ExponentRange range = finite_exponents(p.rates);
     const bool clear = std::abs(range.high - range.low) >= 0.3;
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-      const Answer answer =
-          survey_within(p.levels, work * unit, {.samples = 1 << 16, .seed = seed}).law_exists;
+      const Answer answer = survey_within(p.levels, work * unit, {.samples = 1 << 16, .seed = seed}).law_exists;
       ++a.surveys;
       a.clear += clear ? 1 : 0;
       if (answer == Answer::cannot_tell) {

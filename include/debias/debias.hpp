@@ -35,8 +35,8 @@
 #include <debias/pmf/tabulated.hpp>
 #include <debias/pmf/zeta.hpp>
 #include <debias/power_series.hpp>
-#include <debias/reciprocal.hpp>
 #include <debias/recipe.hpp>
+#include <debias/reciprocal.hpp>
 #include <debias/sde.hpp>
 #include <debias/series.hpp>
 #include <debias/steady_state.hpp>

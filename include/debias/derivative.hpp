@@ -109,8 +109,7 @@ class FiniteDifference {
     measure_size();
     if (options_.last_level) {
       if (*options_.last_level < 0 || *options_.last_level > deepest) {
-        refuse("last_level must lie in 0 ... " + std::to_string(deepest) +
-               "; beyond, the step is lost beside `at`");
+        refuse("last_level must lie in 0 ... " + std::to_string(deepest) + "; beyond, the step is lost beside `at`");
       }
       last_level_ = *options_.last_level;
     } else {
@@ -155,8 +154,7 @@ class FiniteDifference {
     }
     const Quotients q(*this, rng);
     value_type value = scaled(q(level), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i)
-      value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
@@ -186,31 +184,29 @@ class FiniteDifference {
       double log_square = 0;
       double variance = 0;  // of log_square
     } first, deepest;
-    for (std::size_t i = 1;
-         i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
+    for (std::size_t i = 1; i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
       const LevelSums& row = levels.rows()[i];
       const auto level = static_cast<std::int64_t>(i);
       if (row.count == 0 || level > last_level_) continue;
       seen = true;
       const auto count = static_cast<double>(row.count);
       const double square = row.square / count;
-      truncation = std::max(
-          truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
+      truncation =
+          std::max(truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
       const double kurtosis = square > 0 ? row.fourth / count / square / square : 0;
       if (!(square > 0) || count < draws_per_kurtosis * kurtosis) continue;
       deepest = {level, std::log(square), (kurtosis - 1) / count};
       if (first.level == 0) first = deepest;
     }
-    const bool grows =
-        deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
-    truncation = seen && fall > 0 && !grows ? 2 * truncation / (1 - std::exp2(-fall))
-                                            : std::numeric_limits<double>::infinity();
+    const bool grows = deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
+    truncation =
+        seen && fall > 0 && !grows ? 2 * truncation / (1 - std::exp2(-fall)) : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
     std::ostringstream text;
     text << "finite differences end at level " << last_level_ << "; truncation " << truncation;
     if (grows) {
-      text << ", since the differences grow (E D_k^2 = " << std::exp(first.log_square) << " at level "
-           << first.level << ", " << std::exp(deepest.log_square) << " at " << deepest.level
+      text << ", since the differences grow (E D_k^2 = " << std::exp(first.log_square) << " at level " << first.level
+           << ", " << std::exp(deepest.log_square) << " at " << deepest.level
            << "): f jumps, or has noise of its own, and common random numbers do not help";
     } else {
       text << " if E D_k^2 falls like 2^(-" << rates.variance << " k)";
@@ -256,8 +252,7 @@ class FiniteDifference {
       }
       value_type rise = debias::difference(std::move(up), here());
       if (!d_.is_second()) return over(std::move(rise), h);
-      const value_type before =
-          debias::difference(value_type(here()), detail::evaluate(d_.f_, d_.at_ - h, rng_));
+      const value_type before = debias::difference(value_type(here()), detail::evaluate(d_.f_, d_.at_ - h, rng_));
       return over(over(debias::difference(std::move(rise), before), h), h);
     }
     [[nodiscard]] double work(int quotients) const {
@@ -314,8 +309,7 @@ class FiniteDifference {
       const value_type f = detail::evaluate(f_, at_, rng);
       if (!is_random) here_ = f;
       const double size = as_scalar(f);
-      const double moved =
-          as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);
@@ -352,9 +346,8 @@ class FiniteDifference {
 
   [[noreturn]] void beyond_last(std::int64_t level) const {
     std::ostringstream text;
-    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * "
-         << options_.ratio << "^" << level << " beside at = " << at_
-         << " is lost in rounding; the last level is " << last_level_
+    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * " << options_.ratio
+         << "^" << level << " beside at = " << at_ << " is lost in rounding; the last level is " << last_level_
          << ": take a law that reaches deep levels less often, or BeyondLast::truncates";
     throw std::length_error(text.str());
   }

@@ -33,8 +33,8 @@ namespace debias::functions {
 
 namespace detail {
 [[noreturn]] inline void refuse_centre(const char* function, double a, const char* domain) {
-  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + std::to_string(a) +
-                              " (must " + domain + ")");
+  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + std::to_string(a) + " (must " +
+                              domain + ")");
 }
 inline void require_centre(bool holds, const char* function, double a, const char* domain) {
   if (!holds || !std::isfinite(a)) [[unlikely]]
@@ -62,8 +62,7 @@ struct Exp {
     for (std::size_t i = 0; i < m.size(); ++i) d[i] = -0.5 * m[i] * d[i] * d[i];
   }
   ExponentialSeries expand(double a) const {
-    detail::require_centre(std::abs(a) <= 700, "Exp", a,
-                           "lie in [-700, 700], where doubles hold its exponential");
+    detail::require_centre(std::abs(a) <= 700, "Exp", a, "lie in [-700, 700], where doubles hold its exponential");
     return {(*this)(a), 1, a};
   }
 };
@@ -81,8 +80,7 @@ struct ExpMinus {
     Exp::gaps(m, d);
   }
   ExponentialSeries expand(double a) const {
-    detail::require_centre(std::abs(a) <= 700, "ExpMinus", a,
-                           "lie in [-700, 700], where doubles hold its exponential");
+    detail::require_centre(std::abs(a) <= 700, "ExpMinus", a, "lie in [-700, 700], where doubles hold its exponential");
     return {(*this)(a), -1, a};
   }
 
@@ -205,8 +203,8 @@ struct Logistic {
   double gap(double m, double d) const {
     // tanh(m / 2) sinh^2(d / 2) / (cosh m + cosh d), divided through by e^|d| against overflow
     const double fall = std::expm1(-std::abs(d));
-    const double bottom = 1 + std::exp(-2 * std::abs(d)) +
-                          std::exp(std::abs(m) - std::abs(d)) * (1 + std::exp(-2 * std::abs(m)));
+    const double bottom =
+        1 + std::exp(-2 * std::abs(d)) + std::exp(std::abs(m) - std::abs(d)) * (1 + std::exp(-2 * std::abs(m)));
     return 0.5 * std::tanh(0.5 * m) * fall * fall / bottom;
   }
   LogisticSeries expand(double a) const {

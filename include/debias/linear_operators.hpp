@@ -46,9 +46,8 @@ concept MatrixFree = requires(const A& a, const Eigen::VectorXd& x) {
 
 /// A square matrix of Eigen, dense or sparse, or an operator of yours.
 template <class A>
-concept LinearOperator = MatrixFree<A> || (std::derived_from<A, Eigen::EigenBase<A>> && requires {
-                           requires std::same_as<typename A::Scalar, double>;
-                         });
+concept LinearOperator = MatrixFree<A> ||
+    (std::derived_from<A, Eigen::EigenBase<A>>&& requires { requires std::same_as<typename A::Scalar, double>; });
 
 namespace detail {
 
@@ -71,8 +70,8 @@ void check_square(const char* name, const A& a, Eigen::Index size) {
     if (a.rows() != a.cols()) refuse_operator(name, "the matrix is not square");
   }
   if (a.rows() != size) {
-    refuse_operator(name, "the operator has " + std::to_string(a.rows()) + " rows, the vector " +
-                              std::to_string(size) + " (must be equal)");
+    refuse_operator(name, "the operator has " + std::to_string(a.rows()) + " rows, the vector " + std::to_string(size) +
+                              " (must be equal)");
   }
 }
 
@@ -208,8 +207,7 @@ class WalkMatrix {
 /// Throws std::invalid_argument for sizes that do not fit, c = 0, and when no law has a finite variance: when
 /// the spectral radius of a_ij^2 / p_ij is not below 1.
 template <LinearOperator A>
-  requires(!MatrixFree<A>)
-auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
+requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
   detail::check_square("neumann_walk", a, b.size());
   detail::check_square("neumann_walk", a, c.size());
   struct State {
@@ -239,8 +237,7 @@ auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
 
   const auto start = [running = std::move(running), starts = std::move(starts)](Stream& rng) {
     const double u = rng.uniform() * running.back();
-    return starts[static_cast<std::size_t>(std::lower_bound(running.begin(), running.end() - 1, u) -
-                                           running.begin())];
+    return starts[static_cast<std::size_t>(std::lower_bound(running.begin(), running.end() - 1, u) - running.begin())];
   };
   const auto advance = [walk](const State& s, Stream& rng) -> State {
     const auto step = walk->step(s.at, rng.uniform());
@@ -260,8 +257,8 @@ auto trace_of_function(A a, Coefficient coefficient, double radius_of_convergenc
   detail::check_square("trace_of_function", a, a.rows());
   const double radius =
       detail::radius_below("trace_of_function", a, radius_of_convergence, "the series diverges: scale the operator");
-  const Rates rates = std::isinf(radius_of_convergence) ? factorial_terms
-                                                        : geometric_terms(radius / radius_of_convergence);
+  const Rates rates =
+      std::isinf(radius_of_convergence) ? factorial_terms : geometric_terms(radius / radius_of_convergence);
   struct State {
     Eigen::VectorXd signs;
     Eigen::VectorXd power;  // A^k signs

@@ -53,9 +53,12 @@ class RadialKernel {
     const double share = distance2 * inverse_;
     if (!(share < 1)) return 0;
     switch (kernel_) {
-      case Kernel::disc: return height_;
-      case Kernel::cone: return 3 * height_ * (1 - std::sqrt(share));
-      case Kernel::epanechnikov: break;
+      case Kernel::disc:
+        return height_;
+      case Kernel::cone:
+        return 3 * height_ * (1 - std::sqrt(share));
+      case Kernel::epanechnikov:
+        break;
     }
     return 2 * height_ * (1 - share);
   }

@@ -46,7 +46,7 @@ struct Advice {
   double pilot_seconds = 0;
   std::int64_t base_level = 0;
   Base base = Base::drawn;
-  bool shares_base = false;  ///< base and difference come from one draw
+  bool shares_base = false;    ///< base and difference come from one draw
   bool runs_together = false;  ///< the members of a level, which are then stratified over their first number too
   AnyPmf law = AnyPmf(Geometric(0.5));
   TailExponent exponent{};    ///< of the law

@@ -111,22 +111,18 @@ class ReciprocalTrials {
       const double x = x_(rng);
       if (!(x >= 0 && x <= majorant_)) refuse(x);
       if (rng.uniform() * majorant_ < x) {
-        return {static_cast<double>(trials) / majorant_, static_cast<double>(trials) * detail::work_of(x_),
-                trials};
+        return {static_cast<double>(trials) / majorant_, static_cast<double>(trials) * detail::work_of(x_), trials};
       }
     }
-    throw std::length_error(
-        "reciprocal_trials: 10^9 trials and no success (E X is 0, or far below the majorant " +
-        std::to_string(majorant_) + ")");
+    throw std::length_error("reciprocal_trials: 10^9 trials and no success (E X is 0, or far below the majorant " +
+                            std::to_string(majorant_) + ")");
   }
-  [[nodiscard]] std::string describe() const {
-    return "reciprocal_trials, majorant " + std::to_string(majorant_);
-  }
+  [[nodiscard]] std::string describe() const { return "reciprocal_trials, majorant " + std::to_string(majorant_); }
 
  private:
   [[noreturn]] void refuse(double x) const {
-    throw std::domain_error("reciprocal_trials: X = " + std::to_string(x) + " (must lie in [0, majorant = " +
-                            std::to_string(majorant_) + "]); take a larger majorant");
+    throw std::domain_error("reciprocal_trials: X = " + std::to_string(x) +
+                            " (must lie in [0, majorant = " + std::to_string(majorant_) + "]); take a larger majorant");
   }
 
   static constexpr std::int64_t most_trials = 1'000'000'000;
@@ -148,8 +144,7 @@ class ReciprocalProduct {
   /// Throws std::invalid_argument unless w != 0 is finite and survival lies in (0, 1).
   ReciprocalProduct(X x, double w, double survival) : x_(std::move(x)), w_(w), survival_(survival) {
     if (w == 0 || !std::isfinite(w)) {
-      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) +
-                                  " (must be finite and not 0)");
+      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (must be finite and not 0)");
     }
     if (!(survival > 0 && survival < 1)) {
       throw std::invalid_argument("reciprocal_product: survival = " + std::to_string(survival) +
@@ -181,8 +176,8 @@ ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
   const double square = pilot.mean * pilot.mean + pilot.m2 / static_cast<double>(pilot.count);
   const double b = 1 - 2 * w * pilot.mean + w * w * square;
   if (!(b < 1)) {
-    throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (E (1 - w X)^2 = " +
-                                std::to_string(b) + " must be below 1 for a finite variance); " +
+    throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) +
+                                " (E (1 - w X)^2 = " + std::to_string(b) + " must be below 1 for a finite variance); " +
                                 std::to_string(pilot.mean / square) + " = E X / E X^2 makes it least");
   }
   return {std::move(x), w, std::sqrt(b > 0 ? b : 1e-3)};

@@ -213,7 +213,8 @@ class Paths {
   static std::array<T, StreamBatch::capacity> filled(const T& x) {
     return [&]<std::size_t... i>(std::index_sequence<i...>) {
       return std::array<T, StreamBatch::capacity>{((void)i, x)...};
-    }(std::make_index_sequence<StreamBatch::capacity>{});
+    }
+    (std::make_index_sequence<StreamBatch::capacity>{});
   }
 
   const M& model_;
@@ -226,8 +227,7 @@ class Paths {
 template <bool bridges>
 class PathNumbers {
  public:
-  PathNumbers(StreamBatch& batch, std::int64_t steps, double sqrt_h)
-      : batch_(&batch), left_(steps), sqrt_h_(sqrt_h) {}
+  PathNumbers(StreamBatch& batch, std::int64_t steps, double sqrt_h) : batch_(&batch), left_(steps), sqrt_h_(sqrt_h) {}
 
   /// To the next step. The numbers of steps 2 i and 2 i + 1 are there together.
   void next() {
@@ -442,8 +442,7 @@ auto milstein(M model, F payoff, const Rates& rates = {2, 1}) {
 /// `milstein(stock, Minimum{}, [](const Minimum& path) { return path.terminal - path.minimum; })`.
 template <DifferentiableSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
 auto milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
-  return SdeLevels<MilsteinStep, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff),
-                                                rates);
+  return SdeLevels<MilsteinStep, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 }  // namespace debias

@@ -66,8 +66,7 @@ auto evaluate_term(const T& term, std::int64_t k, const Stream& rng) {
 template <SeriesTerm T>
 class Series {
  public:
-  using value_type =
-      decltype(detail::evaluate_term(std::declval<const T&>(), 0, std::declval<const Stream&>()));
+  using value_type = decltype(detail::evaluate_term(std::declval<const T&>(), 0, std::declval<const Stream&>()));
 
   explicit Series(T term, double work_per_term = 1) : term_(std::move(term)), work_(work_per_term) {}
 

@@ -42,14 +42,14 @@ struct SurveyRow {
   double difference_variance = 0;
   double second_moment = 0;  ///< E D_k^2
   double second_moment_error = 0;
-  double kurtosis = 0;           ///< E D_k^4 / (E D_k^2)^2; 0 where no difference was seen
-  double nonzero = 0;            ///< share of the draws with a difference that is not zero
-  double consistency = 0;        ///< z of E[I_k - D_k] = E[I_(k-1)]; 0 at the first level
-  double difference_work = 0;    ///< of a draw of D_k
-  double value_work = 0;         ///< of a draw of I_k alone
-  double seconds = 0;            ///< of a draw of both, on one thread or all
-  bool votes = false;            ///< draws >= 10 x kurtosis, and not all of them zero
-  bool fitted = false;           ///< takes part in the fitted rates
+  double kurtosis = 0;                      ///< E D_k^4 / (E D_k^2)^2; 0 where no difference was seen
+  double nonzero = 0;                       ///< share of the draws with a difference that is not zero
+  double consistency = 0;                   ///< z of E[I_k - D_k] = E[I_(k-1)]; 0 at the first level
+  double difference_work = 0;               ///< of a draw of D_k
+  double value_work = 0;                    ///< of a draw of I_k alone
+  double seconds = 0;                       ///< of a draw of both, on one thread or all
+  bool votes = false;                       ///< draws >= 10 x kurtosis, and not all of them zero
+  bool fitted = false;                      ///< takes part in the fitted rates
   std::vector<ComponentEstimate> values{};  ///< of I_k, by component
   std::vector<ComponentEstimate> coarse{};  ///< of its coarse partner, I_k - D_k
 };

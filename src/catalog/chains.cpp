@@ -36,7 +36,8 @@ Problem waiting_time() {
                .module = "steady_state.hpp",
                .truth = 1,
                .formula = "mean wait in the M/M/1 queue, arrivals 1/2, service 1: 1"},
-              steady_state(step, 0.0, [](double w) { return w; }, Rates{-std::log2(8.0 / 9), 0}));
+              steady_state(
+                  step, 0.0, [](double w) { return w; }, Rates{-std::log2(8.0 / 9), 0}));
 }
 
 Problem bernoulli_convolution() {

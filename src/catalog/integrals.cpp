@@ -112,8 +112,7 @@ Problem davis(Facts facts, double c, double slope) {
   const Centre middle = centre_between(0, slope);
   add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
       roulette(taylor(x, g, middle)));
-  add(p,
-      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
+  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
       taylor_sum(x, g, middle, Geometric(0.6)));
   add_p_series_cumulative(p, taylor(x, g, slope), g(slope));
   // Not the law of Bhanot and Kennedy: the terms fall like 0.15^k only.
@@ -125,12 +124,9 @@ Problem davis(Facts facts, double c, double slope) {
     const auto at = [m, extinction](Stream& draws) { return m * extinction(draws.uniform()); };
     Stream path = rng.split(1);
     NullRecord none;
-    return roulette(taylor(at, functions::ExpMinus{}, slope * m), RunningWeight(std::exp(-slope * m)))(path,
-                                                                                                       none);
+    return roulette(taylor(at, functions::ExpMinus{}, slope * m), RunningWeight(std::exp(-slope * m)))(path, none);
   };
-  add(p,
-      {.name = "gamma_mixture",
-       .description = "p_series_cumulative of exp(-m tau) for a random m of the Gamma law"},
+  add(p, {.name = "gamma_mixture", .description = "p_series_cumulative of exp(-m tau) for a random m of the Gamma law"},
       mixture);
   return p;
 }
@@ -185,13 +181,11 @@ Problem reciprocal_of_integral() {
   add(p, {.name = "reciprocal_series", .description = "the geometric series about a centre, with roulette"},
       roulette(reciprocal_series(x, 8.0), Geometric(0.35)));
   // b = 1/3 about E X^2 / E X = 6, where E (1 - X/6)^4 = 0.23
-  add(p,
-      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
+  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
       taylor_sum(x, functions::Reciprocal{}, 6.0, Geometric(0.3)));
   add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
       reciprocal_trials(x, 8));
-  add(p,
-      {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
+  add(p, {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
       ReciprocalProduct(x, 1.0 / 8, 0.7));
   add(p, {.name = "clamped", .description = "single_term with a clamp that vanishes with the level"},
       single_term(clamped_reciprocal_of_integral(f), Geometric(0.6), {.base_level = 1}));
@@ -203,13 +197,12 @@ Problem transmittance_singular() {
   // Not bounded: of the series only those without a majorant apply.
   const auto extinction = [](double x) { return std::pow(std::abs(x - 1.0 / 3), -0.25); };
   const functions::ExpMinus g;
-  Problem p =
-      make({.id = "B15",
-            .name = "transmittance-singular",
-            .module = "function_of_mean.hpp",
-            .truth = 0.2083285151439589729275,
-            .formula = "exp(-tau), extinction |x - 1/3|^(-1/4): tau = (4/3)((1/3)^(3/4) + (2/3)^(3/4))"},
-           function_of_integral(extinction, g), Rates{3, 1});
+  Problem p = make({.id = "B15",
+                    .name = "transmittance-singular",
+                    .module = "function_of_mean.hpp",
+                    .truth = 0.2083285151439589729275,
+                    .formula = "exp(-tau), extinction |x - 1/3|^(-1/4): tau = (4/3)((1/3)^(3/4) + (2/3)^(3/4))"},
+                   function_of_integral(extinction, g), Rates{3, 1});
   add_u_statistics(p, extinction, g, 5, BhanotKennedy(0.9, 2, 2));
   add_jittered(p, extinction, g, 1, {3, 1});
   return p;

@@ -83,8 +83,7 @@ Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& ra
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
   p.methods.push_back(Method::truncated);
   p.run = [sequence, terms](const Choice& choice, const Plan& plan) -> Statistics {
-    return with_estimator(sequence, terms, choice,
-                          [&](const auto& e) -> Statistics { return estimate(e, plan); });
+    return with_estimator(sequence, terms, choice, [&](const auto& e) -> Statistics { return estimate(e, plan); });
   };
   p.trace = [sequence, terms](const Choice& choice, std::uint64_t seed, std::int64_t index) {
     return with_estimator(sequence, terms, choice, [&](const auto& e) { return trace(e, seed, index); });
@@ -122,8 +121,7 @@ Problem make(Facts facts, const S& sequence, const Rates& rates) {
 /// Gives a problem a method of its own: an estimator that needs neither law nor level from outside.
 template <Estimator E>
 void add(Problem& p, Special special, const E& e) {
-  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice,
-                                                              const Plan& plan) -> Statistics {
+  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) -> Statistics {
     if (choice.special == name) return estimate(e, plan);
     return others(choice, plan);
   };

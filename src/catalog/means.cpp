@@ -59,8 +59,7 @@ void add_series(Problem& p, const X& x, const G& g, const C& centre, const P& la
 // About the best centre for these moments of X. The survival 1 - r of the law lies above the cube root of
 // E ((X - a) / R)^4, so that fourth moments are finite.
 template <RandomVariable X, Expandable G>
-void add_series(Problem& p, const X& x, const G& g, double mean, double square, double r,
-                double reference = 0.5) {
+void add_series(Problem& p, const X& x, const G& g, double mean, double square, double r, double reference = 0.5) {
   const Moments exact{.count = 1 << 20, .mean = mean, .m2 = (square - mean * mean) * (1 << 20)};
   add_series(p, x, g, centre(g, exact), Geometric(r), reference);
 }
@@ -106,9 +105,7 @@ Problem exp_of_mean() {
                     .formula = "exp(-E X), X ~ U(0, 2): 1/e"},
                    function_of_mean(x, functions::ExpMinus{}));
   add_series(p, x, functions::ExpMinus{}, centre_between(0, 2), Poisson(2), std::exp(-1));
-  add(p,
-      {.name = "u_statistics",
-       .description = "symmetric products of combs about each of them (pivoted series)"},
+  add(p, {.name = "u_statistics", .description = "symmetric products of combs about each of them (pivoted series)"},
       taylor_sum(x, functions::ExpMinus{}, drawn_pivot, BhanotKennedy(0.5, 2, 2)));
   return p;
 }
@@ -124,12 +121,9 @@ Problem reciprocal_of_mean() {
   add_series(p, x, functions::Reciprocal{}, 1, 13.0 / 12, 0.5);
   add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
       reciprocal_trials(x, 1.5));
-  add(p,
-      {.name = "reciprocal_residual",
-       .description = "one term of the geometric series, by bounds from both sides"},
+  add(p, {.name = "reciprocal_residual", .description = "one term of the geometric series, by bounds from both sides"},
       reciprocal_residual(x, 0.5, 1.5));
-  add(p,
-      {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
+  add(p, {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
       ReciprocalProduct(x, 0.9, 0.4));
   add(p, {.name = "clamped", .description = "single_term with a clamp that vanishes with the level"},
       single_term(clamped_reciprocal(x)));
@@ -144,9 +138,8 @@ Problem log_of_mean() {
                     .truth = 0.5,
                     .formula = "log E X, X lognormal(0, 1): 1/2"},
                    function_of_mean(x, functions::Log{}));
-  const Kurtosis infinite{
-      std::numeric_limits<double>::infinity(),
-      "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any law"};
+  const Kurtosis infinite{std::numeric_limits<double>::infinity(),
+                          "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any law"};
   add_series(p, x, functions::Log{}, std::exp(1.5), Geometric(0.25), 0.5, infinite);
   return p;
 }
@@ -194,9 +187,7 @@ Problem ratio_of_means() {
                     .formula = "E[U e^U] / E[e^U], U ~ U(0, 1): 1 / (e - 1)"},
                    function_of_mean(x, functions::Ratio{}));
   const auto weight = [x](Stream& rng) { return x(rng)[1]; };
-  add(p,
-      {.name = "reciprocal_residual",
-       .description = "one term of the geometric series, by bounds from both sides"},
+  add(p, {.name = "reciprocal_residual", .description = "one term of the geometric series, by bounds from both sides"},
       ratio_by(x, reciprocal_residual(weight, 1, std::numbers::e)));
   add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
       ratio_by(x, reciprocal_trials(weight, std::numbers::e)));
@@ -226,8 +217,8 @@ Problem log_evidence() {
                     .truth = -0.5965735902799726547086,
                     .formula = "log E exp(-(1 - t)^2 / 2), t ~ N(0, 1): -(ln 2)/2 - 1/4"},
                    function_of_mean(likelihood, functions::Log{}));
-  add_series(p, likelihood, functions::Log{}, std::exp(-0.5965735902799726547086),
-             std::exp(-1.0 / 3) / std::sqrt(3.0), 0.4);
+  add_series(p, likelihood, functions::Log{}, std::exp(-0.5965735902799726547086), std::exp(-1.0 / 3) / std::sqrt(3.0),
+             0.4);
   return p;
 }
 
@@ -270,8 +261,7 @@ Problem posterior_mean() {
   const auto weight = [x](Stream& rng) { return x(rng)[1]; };
   add(p, {.name = "reciprocal_trials", .description = "the number of trials until one succeeds"},
       ratio_by(x, reciprocal_trials(weight, 1)));
-  add(p,
-      {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
+  add(p, {.name = "reciprocal_product", .description = "one term of the geometric series, drawn geometrically"},
       ratio_by(x, ReciprocalProduct(weight, 4.0 / 3, 0.65)));
   return p;
 }
@@ -331,8 +321,7 @@ Problem entropy() {
       summed(roulette(taylor(x, MinusXLogX{}, 1.0), law)));
   add(p, {.name = "taylor_cyclic", .description = "the power series about a centre, with cyclic products"},
       summed(taylor_sum(x, MinusXLogX{}, 1.0, law, {.products = Products::cyclic})));
-  add(p,
-      {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
+  add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
       summed(taylor_sum(x, MinusXLogX{}, 1.0, law)));
   return p;
 }

@@ -53,9 +53,8 @@ Problem step(const std::string& id, int tau) {
 Problem linear(const std::string& id, int tau) {
   const double slope = 2 * tau;
   const auto extinction = [slope](double x) { return slope * x; };
-  return medium(
-      {.id = id, .name = "linear-tau-" + std::to_string(tau), .formula = "exp(-tau), extinction 2 tau x"},
-      tau, extinction, slope, {6, 1});
+  return medium({.id = id, .name = "linear-tau-" + std::to_string(tau), .formula = "exp(-tau), extinction 2 tau x"},
+                tau, extinction, slope, {6, 1});
 }
 
 }  // namespace

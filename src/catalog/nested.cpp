@@ -44,13 +44,12 @@ Problem value_of_information() {
     return Eigen::Array2d(std::max(s, 0.0), s);
   };
   const auto gain = [](const Eigen::Array2d& mean) { return mean[0] - std::max(mean[1], 0.0); };
-  return make(
-      {.id = "F05",
-       .name = "value-of-information",
-       .module = "nested.hpp",
-       .truth = 0.1652473031463236090081,
-       .formula = "E max(0, X + Y) - E max(0, E[X + Y|X]), X, Y ~ N(0, 1): 1/sqrt(pi) - 1/sqrt(2 pi)"},
-      nested(standard_normal, inner, gain, Rates{1.5, 1}));
+  return make({.id = "F05",
+               .name = "value-of-information",
+               .module = "nested.hpp",
+               .truth = 0.1652473031463236090081,
+               .formula = "E max(0, X + Y) - E max(0, E[X + Y|X]), X, Y ~ N(0, 1): 1/sqrt(pi) - 1/sqrt(2 pi)"},
+              nested(standard_normal, inner, gain, Rates{1.5, 1}));
 }
 
 Problem nested_exp() {
@@ -72,13 +71,12 @@ Problem doubly_nested_exp() {
     return single_term(nested(y, normal_around, functions::Square{}), Geometric::with_exponent(1.2));
   };
   const auto f = [](double m) { return std::exp(-std::max(m, 0.0)); };
-  return make(
-      {.id = "F09",
-       .name = "doubly-nested-exp",
-       .module = "nested.hpp",
-       .truth = 0.2123952943896613197705,
-       .formula = "E exp(-E[(E[Z|Y])^2|X]), X ~ N(0, 1), Y|X ~ N(X, 1), Z|Y ~ N(Y, 1): e^-1 / sqrt 3"},
-      nested(standard_normal, estimated(given_x), f));
+  return make({.id = "F09",
+               .name = "doubly-nested-exp",
+               .module = "nested.hpp",
+               .truth = 0.2123952943896613197705,
+               .formula = "E exp(-E[(E[Z|Y])^2|X]), X ~ N(0, 1), Y|X ~ N(X, 1), Z|Y ~ N(Y, 1): e^-1 / sqrt 3"},
+              nested(standard_normal, estimated(given_x), f));
 }
 
 }  // namespace debias::catalog

@@ -20,39 +20,34 @@ constexpr GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatilit
 
 Problem european_call() {
   const auto payoff = [](double s) { return std::exp(-0.05) * std::max(s - 100, 0.0); };
-  return make(
-      {.id = "E02",
-       .name = "european-call",
-       .module = "sde.hpp",
-       .truth = 10.45058357218556678165,
-       .formula = "call on geometric Brownian motion, S = K = 100, r = 0.05, sigma = 0.2, T = 1, Milstein: "
-                  "Black-Scholes"},
-      milstein(stock, payoff));
+  return make({.id = "E02",
+               .name = "european-call",
+               .module = "sde.hpp",
+               .truth = 10.45058357218556678165,
+               .formula = "call on geometric Brownian motion, S = K = 100, r = 0.05, sigma = 0.2, T = 1, Milstein: "
+                          "Black-Scholes"},
+              milstein(stock, payoff));
 }
 
 Problem asian_call() {
-  const auto payoff = [](const Average& path) {
-    return std::exp(-0.05) * std::max(path.average() - 100, 0.0);
-  };
+  const auto payoff = [](const Average& path) { return std::exp(-0.05) * std::max(path.average() - 100, 0.0); };
   return make(
       {.id = "E03",
        .name = "asian-call",
        .module = "sde.hpp",
        .truth = 5.763087902964673878253,
-       .formula =
-           "call on the continuous arithmetic average of the same, Milstein with bridges: Geman and Yor"},
+       .formula = "call on the continuous arithmetic average of the same, Milstein with bridges: Geman and Yor"},
       milstein(stock, Average{}, payoff));
 }
 
 Problem lookback_call() {
   const auto payoff = [](const Minimum& path) { return std::exp(-0.05) * (path.terminal - path.minimum); };
-  return make(
-      {.id = "E04",
-       .name = "lookback-call",
-       .module = "sde.hpp",
-       .truth = 17.21680223736086576685,
-       .formula = "call with floating strike, S_T - min S, Milstein with bridges: Goldman, Sosin and Gatto"},
-      milstein(stock, Minimum{}, payoff));
+  return make({.id = "E04",
+               .name = "lookback-call",
+               .module = "sde.hpp",
+               .truth = 17.21680223736086576685,
+               .formula = "call with floating strike, S_T - min S, Milstein with bridges: Goldman, Sosin and Gatto"},
+              milstein(stock, Minimum{}, payoff));
 }
 
 Problem barrier_call() {
@@ -68,13 +63,12 @@ Problem barrier_call() {
 }
 
 Problem gbm_by_euler() {
-  return make(
-      {.id = "E06",
-       .name = "gbm-by-euler",
-       .module = "sde.hpp",
-       .truth = 100,
-       .formula = "discounted E S_T by Euler's scheme: 100; variance and work at the border, no law exists"},
-      euler(stock, [](double s) { return std::exp(-0.05) * s; }));
+  return make({.id = "E06",
+               .name = "gbm-by-euler",
+               .module = "sde.hpp",
+               .truth = 100,
+               .formula = "discounted E S_T by Euler's scheme: 100; variance and work at the border, no law exists"},
+              euler(stock, [](double s) { return std::exp(-0.05) * s; }));
 }
 
 Problem mean_of_gbm() {
@@ -88,16 +82,13 @@ Problem mean_of_gbm() {
 
 Problem geometric_asian_call() {
   const AverageOf log_average{[](double s) { return std::log(s); }};
-  const auto payoff = [](const auto& path) {
-    return std::exp(-0.05) * std::max(std::exp(path.average()) - 100, 0.0);
-  };
-  return make(
-      {.id = "E09",
-       .name = "geometric-asian-call",
-       .module = "sde.hpp",
-       .truth = 5.546818633789207247287,
-       .formula = "call on the continuous geometric average, Milstein and trapezoids: a lognormal formula"},
-      milstein(stock, log_average, payoff));
+  const auto payoff = [](const auto& path) { return std::exp(-0.05) * std::max(std::exp(path.average()) - 100, 0.0); };
+  return make({.id = "E09",
+               .name = "geometric-asian-call",
+               .module = "sde.hpp",
+               .truth = 5.546818633789207247287,
+               .formula = "call on the continuous geometric average, Milstein and trapezoids: a lognormal formula"},
+              milstein(stock, log_average, payoff));
 }
 
 Problem clark_cameron() {

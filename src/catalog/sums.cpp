@@ -18,18 +18,14 @@ double power(double x, std::int64_t k) { return std::pow(x, static_cast<double>(
 }  // namespace
 
 Problem geometric_series() {
-  return make(
-      {.id = "D01", .name = "geometric-series", .module = "series.hpp", .truth = 2, .formula = "sum 2^-k: 2"},
-      series([](std::int64_t k) { return power(0.5, k); }, geometric_terms(0.5)));
+  return make({.id = "D01", .name = "geometric-series", .module = "series.hpp", .truth = 2, .formula = "sum 2^-k: 2"},
+              series([](std::int64_t k) { return power(0.5, k); }, geometric_terms(0.5)));
 }
 
 Problem slow_geometric_series() {
-  return make({.id = "D02",
-               .name = "slow-geometric-series",
-               .module = "series.hpp",
-               .truth = 20,
-               .formula = "sum 0.95^k: 20"},
-              series([](std::int64_t k) { return power(0.95, k); }, geometric_terms(0.95)));
+  return make(
+      {.id = "D02", .name = "slow-geometric-series", .module = "series.hpp", .truth = 20, .formula = "sum 0.95^k: 20"},
+      series([](std::int64_t k) { return power(0.95, k); }, geometric_terms(0.95)));
 }
 
 Problem zeta_of_two() {
@@ -46,13 +42,12 @@ Problem zeta_of_two() {
 }
 
 Problem series_for_e() {
-  return make(
-      {.id = "D07",
-       .name = "series-for-e",
-       .module = "series.hpp",
-       .truth = 2.718281828459045235360,
-       .formula = "sum 1/k!: e"},
-      series([](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); }, factorial_terms));
+  return make({.id = "D07",
+               .name = "series-for-e",
+               .module = "series.hpp",
+               .truth = 2.718281828459045235360,
+               .formula = "sum 1/k!: e"},
+              series([](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); }, factorial_terms));
 }
 
 Problem machin_pi() {
@@ -92,8 +87,7 @@ Problem neumann_matrix() {
                     .truth = 5.555555555555555555556,
                     .formula = "x = A x + b, A = [[.5, .4], [.2, .3]], b = (1, 2), first component: 50/9"},
                    neumann(a, b, c));
-  add(p, {"neumann_walk", "random walk over the entries of the matrix, roulette"},
-      roulette(neumann_walk(a, b, c)));
+  add(p, {"neumann_walk", "random walk over the entries of the matrix, roulette"}, roulette(neumann_walk(a, b, c)));
   return p;
 }
 
@@ -114,9 +108,7 @@ Problem facing_walls() {
     double weight;
   };
   const auto start = [](Stream&) { return Path{0, 1}; };
-  const auto bounce = [](const Path& p, Stream&) {
-    return Path{1 - p.wall, p.weight * (p.wall == 0 ? 0.5 : 0.7)};
-  };
+  const auto bounce = [](const Path& p, Stream&) { return Path{1 - p.wall, p.weight * (p.wall == 0 ? 0.5 : 0.7)}; };
   const auto emitted = [](const Path& p) { return p.weight; };
   return make({.id = "D16",
                .name = "facing-walls",
@@ -128,13 +120,12 @@ Problem facing_walls() {
 
 Problem log_determinant_by_probes() {
   const Eigen::Matrix3d a{{0.3, 0.2, 0}, {0.2, 0.4, 0.1}, {0, 0.1, 0.2}};
-  return make(
-      {.id = "D17",
-       .name = "log-determinant",
-       .module = "linear_operators.hpp",
-       .truth = -1.214023140179437433806,
-       .formula = "log det(I - A), A = [[.3, .2, 0], [.2, .4, .1], [0, .1, .2]], random signs: ln 0.297"},
-      log_determinant(a));
+  return make({.id = "D17",
+               .name = "log-determinant",
+               .module = "linear_operators.hpp",
+               .truth = -1.214023140179437433806,
+               .formula = "log det(I - A), A = [[.3, .2, 0], [.2, .4, .1], [0, .1, .2]], random signs: ln 0.297"},
+              log_determinant(a));
 }
 
 Problem log_series() {

@@ -162,7 +162,8 @@ double believed_error(const Statistics& statistics, double truth) {
 
 double family_threshold(std::int64_t cells) {
   // Two-sided, Sidak: 1 - (1 - rate)^(1/n); the quantile is taken at the small end, where it is accurate.
-  const double each = -std::expm1(std::log1p(-false_alarm_rate) / static_cast<double>(std::max<std::int64_t>(cells, 1)));
+  const double each =
+      -std::expm1(std::log1p(-false_alarm_rate) / static_cast<double>(std::max<std::int64_t>(cells, 1)));
   return -normal_quantile(each / 2);
 }
 
@@ -206,8 +207,7 @@ Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
       if (progress) progress(report.cells.back(), static_cast<std::int64_t>(report.cells.size()), total);
     }
   }
-  report.smallest_detectable_bias =
-      (report.threshold + power_quantile) / std::sqrt(static_cast<double>(plan.samples));
+  report.smallest_detectable_bias = (report.threshold + power_quantile) / std::sqrt(static_cast<double>(plan.samples));
   return report;
 }
 

@@ -24,9 +24,8 @@ std::int64_t read_int64(const std::string& text, std::string_view name, std::uin
 
 catalog::Method read_method(const std::string& text, const catalog::Problem& problem) {
   const auto& all = catalog::problems();
-  const bool special = std::any_of(all.begin(), all.end(), [&text](const catalog::Problem& p) {
-    return catalog::find_special(p, text) != nullptr;
-  });
+  const bool special = std::any_of(
+      all.begin(), all.end(), [&text](const catalog::Problem& p) { return catalog::find_special(p, text) != nullptr; });
   const catalog::Method method = special ? catalog::Method::truncated : catalog::method_of(text);
   if (!special && std::find(problem.methods.begin(), problem.methods.end(), method) != problem.methods.end())
     return method;
@@ -35,16 +34,14 @@ catalog::Method read_method(const std::string& text, const catalog::Problem& pro
     names += (names.empty() ? "" : ", ") + std::string(catalog::name_of(m));
   }
   for (const catalog::Special& s : problem.specials) names += ", " + s.name;
-  throw std::invalid_argument("--estimator = '" + text + "' (does not apply to " + problem.id + "); it has " +
-                              names);
+  throw std::invalid_argument("--estimator = '" + text + "' (does not apply to " + problem.id + "); it has " + names);
 }
 
 AnyPmf read_law(const std::string& text, const catalog::Problem& problem, catalog::Method method) {
   try {
     return text == "declared" ? catalog::default_law(problem, method) : AnyPmf::parse(text);
   } catch (const std::invalid_argument& e) {
-    throw std::invalid_argument((text == "declared" ? "--law declared: " : "--law: ") +
-                                std::string(e.what()));
+    throw std::invalid_argument((text == "declared" ? "--law declared: " : "--law: ") + std::string(e.what()));
   }
 }
 
@@ -53,15 +50,13 @@ bool is_single_term(catalog::Method method) {
 }
 
 std::int64_t read_base_level(const Arguments& arguments, const catalog::Problem& problem) {
-  return arguments.base_level == "auto" ? problem.lowest_base
-                                        : read_int64(arguments.base_level, "--base-level", 0);
+  return arguments.base_level == "auto" ? problem.lowest_base : read_int64(arguments.base_level, "--base-level", 0);
 }
 
 std::int64_t read_block(const Arguments& arguments, catalog::Method method) {
   const std::int64_t block = read_int64(arguments.block, "--block", 1);
   if (block == 1 || is_single_term(method)) return block;
-  throw std::invalid_argument("--block = '" + arguments.block +
-                              "' (strata need a single term); leave it out");
+  throw std::invalid_argument("--block = '" + arguments.block + "' (strata need a single term); leave it out");
 }
 
 Goal read_goal(const Arguments& arguments) {
@@ -72,8 +67,7 @@ Goal read_goal(const Arguments& arguments) {
   }
   if (arguments.time != "none") goal.seconds = read_seconds(arguments.time, "--time");
   if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
-    throw std::invalid_argument(
-        "--error, --relative-error, --time: more than one (each fixes the samples); keep one");
+    throw std::invalid_argument("--error, --relative-error, --time: more than one (each fixes the samples); keep one");
   }
   return goal;
 }
@@ -105,8 +99,7 @@ catalog::Choice read_shape(const Arguments& arguments, const catalog::Problem& p
     throw std::invalid_argument("--estimator = '" + arguments.estimator +
                                 "' (a sweep is for single_term and single_term_drawn); leave it out");
   }
-  return {method, AnyPmf(Geometric(0.5)), read_base_level(arguments, problem), "",
-          read_block(arguments, method)};
+  return {method, AnyPmf(Geometric(0.5)), read_base_level(arguments, problem), "", read_block(arguments, method)};
 }
 
 bool wants_recipe(const Arguments& arguments) { return arguments.law == "auto"; }
@@ -114,20 +107,17 @@ bool wants_recipe(const Arguments& arguments) { return arguments.law == "auto"; 
 RecipeOptions read_recipe(const Arguments& arguments, const catalog::Problem& problem) {
   RecipeOptions options;
   options.lowest_base = problem.lowest_base;
-  if (arguments.base_level != "auto")
-    options.base_level = read_int64(arguments.base_level, "--base-level", 0);
+  if (arguments.base_level != "auto") options.base_level = read_int64(arguments.base_level, "--base-level", 0);
   if (arguments.block != "1") {
     throw std::invalid_argument("--block = '" + arguments.block + "' (--law auto chooses it); leave it out");
   }
   if (arguments.estimator.empty()) return options;
   if (catalog::find_special(problem, arguments.estimator) != nullptr ||
       !is_single_term(read_method(arguments.estimator, problem))) {
-    throw std::invalid_argument(
-        "--law auto: '" + arguments.estimator +
-        "' (a recipe is for single_term and single_term_drawn); leave --estimator out");
+    throw std::invalid_argument("--law auto: '" + arguments.estimator +
+                                "' (a recipe is for single_term and single_term_drawn); leave --estimator out");
   }
-  options.base =
-      read_method(arguments.estimator, problem) == catalog::Method::single_term ? Base::always : Base::drawn;
+  options.base = read_method(arguments.estimator, problem) == catalog::Method::single_term ? Base::always : Base::drawn;
   return options;
 }
 
@@ -135,8 +125,7 @@ Plan read_plan(const Arguments& arguments) {
   Plan plan;
   plan.goal = read_goal(arguments);
   if (plan.goal.asked() && arguments.samples != "auto") {
-    throw std::invalid_argument("--samples = '" + arguments.samples +
-                                "' (a goal fixes the samples); leave one out");
+    throw std::invalid_argument("--samples = '" + arguments.samples + "' (a goal fixes the samples); leave one out");
   }
   plan.samples = arguments.samples == "auto" ? default_samples : read_int64(arguments.samples, "--samples", 1);
   plan.seed = read_seed_or_random(arguments.seed);
@@ -164,9 +153,7 @@ std::uint64_t read_seed_or_random(const std::string& text) {
   return read_seed(text);
 }
 
-int read_threads(const std::string& text) {
-  return static_cast<int>(parse_count(text, "--threads", 0, most_threads));
-}
+int read_threads(const std::string& text) { return static_cast<int>(parse_count(text, "--threads", 0, most_threads)); }
 
 double read_positive(const std::string& text, const char* name) {
   const double x = parse_double(text, name);
@@ -197,8 +184,8 @@ double read_confidence(const std::string& text) {
   const double x = parse_double(text, "--confidence");
   if (x > 0 && x < 1) return x;
   const double meant = x >= 1 && x < 100 ? x / 100 : 0.95;
-  throw std::invalid_argument("--confidence = '" + text + "' (must lie in (0, 1)); did you mean '" +
-                              to_text(meant) + "'?");
+  throw std::invalid_argument("--confidence = '" + text + "' (must lie in (0, 1)); did you mean '" + to_text(meant) +
+                              "'?");
 }
 
 }  // namespace debias::cli

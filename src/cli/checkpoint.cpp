@@ -43,7 +43,8 @@ std::string command_of(const Loaded& file) {
 }
 
 KeptRun run_in(const std::string& path, Loaded file) {
-  if (has_parts(file)) throw FileError("'" + path + "': of " + command_of(file) + "; only the shards of a run can be merged");
+  if (has_parts(file))
+    throw FileError("'" + path + "': of " + command_of(file) + "; only the shards of a run can be merged");
   KeptRun run{std::move(file.arguments), std::nullopt};
   const auto contents = file.parts.find(part);
   if (contents == file.parts.end()) return run;
@@ -96,8 +97,8 @@ void refuse_existing(const Arguments& a) {
   struct stat status = {};
   if (!leads(a) || stat(a.checkpoint.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return;
   load(a.checkpoint);  // says what is wrong with it
-  throw FileError("--checkpoint '" + a.checkpoint + "': holds a run already; go on with `debias resume " + a.checkpoint +
-                  "`, or choose another name");
+  throw FileError("--checkpoint '" + a.checkpoint + "': holds a run already; go on with `debias resume " +
+                  a.checkpoint + "`, or choose another name");
 }
 
 // Runs what the words say from the state on. `path` may be empty. A `pilot` fixes the samples. The text on disk is the one
@@ -198,8 +199,8 @@ constexpr std::array<Kept, 5> commands = {{{"run", run_multilevel},
 
 int resume_parts(const Loaded& file, const Arguments& arguments) {
   if (arguments.ranks != nullptr) {
-    throw std::invalid_argument("resume: (ranks can share a run of one estimator only, '" + arguments.file + "' is of " +
-                                command_of(file) + "); start it without mpirun");
+    throw std::invalid_argument("resume: (ranks can share a run of one estimator only, '" + arguments.file +
+                                "' is of " + command_of(file) + "); start it without mpirun");
   }
   if (has_goal(arguments) || arguments.samples != "auto") {
     throw std::invalid_argument("resume: (only a run can be made longer, '" + arguments.file + "' is of " +
@@ -224,7 +225,8 @@ int resume_parts(const Loaded& file, const Arguments& arguments) {
 
 int run(const Arguments& arguments) {
   if (arguments.estimator == multilevel) return run_multilevel(arguments);
-  return arguments.checkpoint.empty() && arguments.shard.empty() ? run_at_once(arguments) : run_with_checkpoint(arguments);
+  return arguments.checkpoint.empty() && arguments.shard.empty() ? run_at_once(arguments)
+                                                                 : run_with_checkpoint(arguments);
 }
 
 int resume(const Arguments& arguments) {

@@ -30,19 +30,15 @@ void add_choice(CLI::App& app, Arguments& a) {
                  "See `debias list estimators`; single_term when there is none, multilevel with --error")
       ->type_name("NAME");
   app.add_option("--law", a.law, "Law of the random level, see `debias list laws`")->type_name("LAW");
-  app.add_option("--block", a.block, "Members of a block of systematic strata, which is one sample")
-      ->type_name("N");
-  app.add_option("--base-level", a.base_level, "Lowest level m; auto is the lowest that behaves")
-      ->type_name("M");
+  app.add_option("--block", a.block, "Members of a block of systematic strata, which is one sample")->type_name("N");
+  app.add_option("--base-level", a.base_level, "Lowest level m; auto is the lowest that behaves")->type_name("M");
 }
 
 void add_plan(CLI::App& app, Arguments& a) {
-  app.add_option("--samples", a.samples,
-                 "Samples, of each cell for validate, of each level for survey; 1e6 for run")
+  app.add_option("--samples", a.samples, "Samples, of each cell for validate, of each level for survey; 1e6 for run")
       ->type_name("N");
   app.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
-  app.add_option("--threads", a.threads, "0 takes all cores; the result does not depend on it")
-      ->type_name("T");
+  app.add_option("--threads", a.threads, "0 takes all cores; the result does not depend on it")->type_name("T");
 }
 
 void add_goal(CLI::App& app, Arguments& a) {
@@ -62,9 +58,7 @@ void add_output(CLI::App& app, Arguments& a) {
     if (!path.empty() && path[0] != '-') return "";
     return "'" + path + "' (no file name); write -o result.json, or ./ before a name that starts with -";
   };
-  app.add_option("-o,--output", a.output, "Write the result to this file")
-      ->type_name("FILE")
-      ->check(is_file_name);
+  app.add_option("-o,--output", a.output, "Write the result to this file")->type_name("FILE")->check(is_file_name);
   app.add_flag("-q,--quiet", a.quiet, "Nothing but the result and errors");
 }
 
@@ -90,15 +84,14 @@ std::string typed_so_far(const CLI::App& app) {
   }
   const std::string meant =
       suggestion(word.substr(0, word.find('=')), std::vector<std::string_view>(names.begin(), names.end()));
-  throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where +
-                              "`)" + (meant.empty() ? "; see `" + where + " --help`" : meant));
+  throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where + "`)" +
+                              (meant.empty() ? "; see `" + where + " --help`" : meant));
 }
 
 const Subcommand& chosen(const CLI::App& app, const std::vector<Subcommand>& commands) {
   for (const Subcommand& command : commands) {
     if (!command.app->parsed()) continue;
-    for (const std::string& word : command.app->remaining())
-      refuse_word(*command.app, word, typed_so_far(app));
+    for (const std::string& word : command.app->remaining()) refuse_word(*command.app, word, typed_so_far(app));
   }
   for (const std::string& word : app.remaining()) refuse_word(app, word, "debias");
   for (const Subcommand& command : commands) {
@@ -111,8 +104,7 @@ const Subcommand& chosen(const CLI::App& app, const std::vector<Subcommand>& com
 
 // A law or a base level that asks for the impossible is found out in the middle of a run.
 int report_sample(const SampleError& error) {
-  const std::string which =
-      "--seed " + std::to_string(error.seed()) + " --sample " + std::to_string(error.index());
+  const std::string which = "--seed " + std::to_string(error.seed()) + " --sample " + std::to_string(error.index());
   try {
     std::rethrow_if_nested(error);
     complain(error.what());
@@ -129,8 +121,7 @@ int report_sample(const SampleError& error) {
 }  // namespace
 
 std::optional<Command> read_command_line(int argc, const char* const* argv) {
-  CLI::App app("Unbiased estimates from biased sequences: problems with known answers, run and validated.",
-               "debias");
+  CLI::App app("Unbiased estimates from biased sequences: problems with known answers, run and validated.", "debias");
   app.option_defaults()->always_capture_default();
   app.set_version_flag("--version", version_text(),
                        "Print the versions of program and stream layout, and the compiler");
@@ -146,8 +137,8 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
     commands[i].execute = execute;
     return *commands[i].app;
   };
-  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&),
-                       const char* description, const char* examples) -> CLI::App& {
+  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&), const char* description,
+                       const char* examples) -> CLI::App& {
     return add_to(app, i, name, execute, description, examples);
   };
 
@@ -156,19 +147,19 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
                            "  debias list laws --json");
   list_app.add_option("TOPIC", commands[0].arguments.topic, "problems, estimators or laws");
 
-  CLI::App& run_app =
-      add(1, "run", run, "Estimate one problem",
-          "  debias run A01\n"
-          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-          "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
-          "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
+  CLI::App& run_app = add(1, "run", run, "Estimate one problem",
+                          "  debias run A01\n"
+                          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+                          "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
+                          "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
   add_choice(run_app, commands[1].arguments);
   add_plan(run_app, commands[1].arguments);
   add_goal(run_app, commands[1].arguments);
   run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
   add_checkpoint(run_app, commands[1].arguments);
-  run_app.add_option("--shard", commands[1].arguments.shard,
-                     "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint")
+  run_app
+      .add_option("--shard", commands[1].arguments.shard,
+                  "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint")
       ->type_name("I/N");
   add_output(run_app, commands[1].arguments);
 
@@ -191,10 +182,9 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
       ->type_name("FILE");
   add_output(merge_app, commands[10].arguments);
 
-  CLI::App& replay_app =
-      add(2, "replay", replay, "Draw one sample of a run again, with every level it touched",
-          "  debias replay A01 --seed 1 --sample 123456\n"
-          "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
+  CLI::App& replay_app = add(2, "replay", replay, "Draw one sample of a run again, with every level it touched",
+                             "  debias replay A01 --seed 1 --sample 123456\n"
+                             "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
   Arguments& replayed = commands[2].arguments;
   replayed.seed.clear();
   add_choice(replay_app, replayed);
@@ -218,10 +208,10 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
   add_checkpoint(validate_app, commands[3].arguments);
   add_output(validate_app, commands[3].arguments);
 
-  CLI::App& survey_app = add(4, "survey", debias::cli::survey,
-                             "Measure the levels of a problem: decay, growth, and whether a law exists",
-                             "  debias survey A01\n"
-                             "  debias survey A01 --levels 12 --samples 1e5 --json");
+  CLI::App& survey_app =
+      add(4, "survey", debias::cli::survey, "Measure the levels of a problem: decay, growth, and whether a law exists",
+          "  debias survey A01\n"
+          "  debias survey A01 --levels 12 --samples 1e5 --json");
   Arguments& surveyed = commands[4].arguments;
   surveyed.samples = "1e4";
   surveyed.levels = "10";
@@ -230,19 +220,16 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
   add_plan(survey_app, surveyed);
   add_output(survey_app, surveyed);
 
-  CLI::App& tradeoff_app =
-      add(5, "tradeoff", tradeoff, "Sweep the law of a problem: variance against work",
-          "  debias tradeoff A10\n"
-          "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
+  CLI::App& tradeoff_app = add(5, "tradeoff", tradeoff, "Sweep the law of a problem: variance against work",
+                               "  debias tradeoff A10\n"
+                               "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
   Arguments& swept = commands[5].arguments;
   swept.samples = "1e5";
   tradeoff_app.add_option("PROBLEM", swept.problem, "Id or name, see `debias list`")->required();
   tradeoff_app.add_option("--family", swept.family, "geometric, zeta or poisson")->type_name("NAME");
   tradeoff_app.add_option("--points", swept.points, "Laws to try")->type_name("K");
-  tradeoff_app.add_option("--estimator", swept.estimator, "single_term or single_term_drawn")
-      ->type_name("NAME");
-  tradeoff_app
-      .add_option("--base-level", swept.base_level, "Lowest level m; auto is the lowest that behaves")
+  tradeoff_app.add_option("--estimator", swept.estimator, "single_term or single_term_drawn")->type_name("NAME");
+  tradeoff_app.add_option("--base-level", swept.base_level, "Lowest level m; auto is the lowest that behaves")
       ->type_name("M");
   tradeoff_app.add_option("--block", swept.block, "Members of a block of systematic strata")->type_name("N");
   tradeoff_app.add_flag("--csv", swept.csv, "Comma-separated values instead of a text");
@@ -256,12 +243,10 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
           "  debias diagnose table.csv --column flux --json\n"
           "  simulation | debias diagnose - --format f64");
   Arguments& diagnosed = commands[6].arguments;
-  diagnose_app
-      .add_option("FILE", diagnosed.file, "One number a row, or CSV with a header; - is standard input")
+  diagnose_app.add_option("FILE", diagnosed.file, "One number a row, or CSV with a header; - is standard input")
       ->required();
   diagnose_app.add_option("--column", diagnosed.column, "Name, or number from 1")->type_name("C");
-  diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")
-      ->type_name("F");
+  diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")->type_name("F");
   add_output(diagnose_app, diagnosed);
 
   CLI::App& render_app = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");
@@ -269,7 +254,8 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
   const auto add_picture = [&](Arguments& a, CLI::App& scene) {
     scene.add_option("--size", a.size, "Pixels")->type_name("WxH");
     scene.add_option("--exposure", a.exposure, "Factor of the PNG, before the sRGB curve")->type_name("X");
-    scene.add_flag("--compare", a.compare, "All estimators and the reference, into the folder -o; see README for the sheet");
+    scene.add_flag("--compare", a.compare,
+                   "All estimators and the reference, into the folder -o; see README for the sheet");
     scene.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
     scene.add_option("--threads", a.threads, "0 takes all cores; the image does not depend on it")->type_name("T");
     add_checkpoint(scene, a);
@@ -312,8 +298,7 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
     if (command.execute != validate) {
       command.app->add_flag("--json", command.arguments.json, "One JSON value instead of a text");
     } else {
-      command.app->add_flag("--json", command.arguments.json,
-                            "One JSON object per line, the last one a summary");
+      command.app->add_flag("--json", command.arguments.json, "One JSON object per line, the last one a summary");
     }
     command.app->allow_extras();
   }
@@ -340,8 +325,9 @@ int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
   Arguments& arguments = command->arguments;
   if (ranks != nullptr) {
     if (command->execute != run && command->execute != resume) {
-      throw std::invalid_argument("mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start "
-                                  "it without mpirun");
+      throw std::invalid_argument(
+          "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start "
+          "it without mpirun");
     }
     arguments.ranks = ranks;
     if (arguments.seed == "random") {

@@ -101,7 +101,7 @@ struct Tradeoff {
   std::int64_t samples = 0;
   std::vector<TradeoffPoint> points;
   std::size_t best = 0;  ///< of the points; their number where none is finite
-  double optimum = 0;  ///< means nothing, as does the bound, where no law exists
+  double optimum = 0;    ///< means nothing, as does the bound, where no law exists
   double bound = 0;
 };
 
@@ -144,7 +144,7 @@ struct BadRow {
 /// All that `diagnose` has to say. Rows are numbered from 1, header and bad ones included.
 struct Diagnosis {
   std::string file;
-  std::string column;  ///< its name in the header, if there is one
+  std::string column;        ///< its name in the header, if there is one
   std::string unit = "row";  ///< what the values are counted by
   Moments moments;
   Interval interval;

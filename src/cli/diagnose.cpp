@@ -180,8 +180,7 @@ class Table {
 
   static std::string listed(const std::vector<std::string>& names) {
     std::string text;
-    for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 10); ++i)
-      text += (i > 0 ? ", " : "") + names[i];
+    for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 10); ++i) text += (i > 0 ? ", " : "") + names[i];
     return names.size() > 10 ? text + ", ..." : text;
   }
 
@@ -274,7 +273,8 @@ Diagnosis read_doubles(Source& source) {
   }
   sums.finish(d);
   if (2 * odd > row && 2 * odd_if_swapped < row) {
-    d.warnings.push_back(std::to_string(odd) + " values lie beyond 1e-60 ... 1e60, and " + std::to_string(odd_if_swapped) +
+    d.warnings.push_back(std::to_string(odd) + " values lie beyond 1e-60 ... 1e60, and " +
+                         std::to_string(odd_if_swapped) +
                          " would in the other byte order: the file may be big-endian.");
   }
   return d;
@@ -285,9 +285,9 @@ std::string figure(double x, int digits = 3) { return std::isfinite(x) ? rounded
 std::string text_of(const TailIndex& tail) {
   if (tail.state == TailState::too_few) return "no shape: too few values beyond the most common ones";
   if (tail.state == TailState::bounded) return "bounded: the outermost value is too common for a tail";
-  return "k = " + figure(tail.k) + " +- " + figure(tail.error, 2) + " (" + std::to_string(tail.values) +
-         " values; " + (tail.ties ? "with ties as they are " + figure(tail.plain) + ", " : "") + "Hill " +
-         figure(tail.hill) + ", moment " + figure(tail.moment) + ", Pickands " + figure(tail.pickands) + ")";
+  return "k = " + figure(tail.k) + " +- " + figure(tail.error, 2) + " (" + std::to_string(tail.values) + " values; " +
+         (tail.ties ? "with ties as they are " + figure(tail.plain) + ", " : "") + "Hill " + figure(tail.hill) +
+         ", moment " + figure(tail.moment) + ", Pickands " + figure(tail.pickands) + ")";
 }
 
 // Neighbours that resemble each other make the means of blocks scatter more than single values say.
@@ -299,9 +299,9 @@ void judge_blocks(Diagnosis& d) {
   if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
   const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
   if (ratio < limit) return;
-  d.warnings.push_back(
-      "the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " + rounded(limit) +
-      "): values depend on their neighbours, so the standard error is too small; take the blocks.");
+  d.warnings.push_back("the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " +
+                       rounded(limit) +
+                       "): values depend on their neighbours, so the standard error is too small; take the blocks.");
 }
 
 }  // namespace
@@ -318,8 +318,7 @@ void print_values(std::ostream& out, const Diagnosis& d) {
   print_line(out, "file", d.file + (d.column.empty() ? "" : ", column " + d.column));
   print_line(out, "values", std::to_string(m.count));
   const auto at = [&d](std::int64_t row) { return d.unit + " " + std::to_string(row); };
-  if (d.bad_rows > 0)
-    print_line(out, "bad rows", std::to_string(d.bad_rows) + ", left out of everything below");
+  if (d.bad_rows > 0) print_line(out, "bad rows", std::to_string(d.bad_rows) + ", left out of everything below");
   for (const BadRow& bad : d.first_bad_rows) print_line(out, "", at(bad.row) + ": " + bad.reason);
   if (d.nonfinite > 0) {
     print_line(out, "mean",
@@ -344,14 +343,13 @@ void print_values(std::ostream& out, const Diagnosis& d) {
     return;
   }
   if (!std::isfinite(m.m2)) {
-    print_line(out, "warning",
-               "squares of these values overflow, so there is no standard error; scale them.");
+    print_line(out, "warning", "squares of these values overflow, so there is no standard error; scale them.");
     return;
   }
   print_line(out, "in blocks",
-             "95 % interval [" + rounded(d.block_interval.low, 8) + ", " + rounded(d.block_interval.high, 8) +
-                 "] by " + std::to_string(d.block_means.size()) + " means of " +
-                 std::to_string(d.block_length) + " neighbours, t quantiles");
+             "95 % interval [" + rounded(d.block_interval.low, 8) + ", " + rounded(d.block_interval.high, 8) + "] by " +
+                 std::to_string(d.block_means.size()) + " means of " + std::to_string(d.block_length) +
+                 " neighbours, t quantiles");
   if (d.robust.groups > 0) {
     print_line(out, "robust",
                rounded(d.robust.value, 8) + " (median of " + std::to_string(d.robust.groups) +
@@ -363,8 +361,8 @@ void print_values(std::ostream& out, const Diagnosis& d) {
   const char* name = "largest";
   for (const LargeSample& l : d.largest) {
     print_line(out, name,
-               rounded(l.value, 8) + " in " + at(l.index) + ", " +
-                   rounded(100 * square_share(d, l.value), 2) + " % of the squares about the mean");
+               rounded(l.value, 8) + " in " + at(l.index) + ", " + rounded(100 * square_share(d, l.value), 2) +
+                   " % of the squares about the mean");
     name = "";
     if (&l - d.largest.data() == 2) break;
   }
@@ -435,8 +433,8 @@ int diagnose(const Arguments& arguments) {
              std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason);
   }
   if (d.nonfinite > 0) {
-    complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " +
-             d.unit + " " + std::to_string(d.first_nonfinite));
+    complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " + d.unit +
+             " " + std::to_string(d.first_nonfinite));
     return nonfinite_samples;
   }
   return d.bad_rows > 0 ? file_error : done;

@@ -29,12 +29,8 @@ std::string_view status_of(const Statistics& s) {
 }
 
 Json chosen(const catalog::Problem& problem, const catalog::Choice& choice) {
-  return {{"problem", problem.name},
-          {"id", id_json(problem)},
-          {"estimator", catalog::name_of(choice)},
-          {"law", law_json(choice)},
-          {"base_level", choice.base_level},
-          {"block", choice.block}};
+  return {{"problem", problem.name}, {"id", id_json(problem)},          {"estimator", catalog::name_of(choice)},
+          {"law", law_json(choice)}, {"base_level", choice.base_level}, {"block", choice.block}};
 }
 
 void add_versions(Json& json) {
@@ -106,8 +102,7 @@ Json tail_json(const TailIndex& tail) {
 }
 
 Json interval_json(const Interval& interval) {
-  return {
-      {"low", number(interval.low)}, {"high", number(interval.high)}, {"confidence", interval.confidence}};
+  return {{"low", number(interval.low)}, {"high", number(interval.high)}, {"confidence", interval.confidence}};
 }
 
 Json evidence_json(const RunVerdict& v) {
@@ -235,15 +230,12 @@ std::string replay_json(const Replay& replay) {
   json["level"] = sample.level;
   json["value"] = number(sample.value);
   // Of the deepest level, before its weight; `levels` has all of them.
-  json["difference"] =
-      replay.trace.levels.empty() ? Json(nullptr) : number(replay.trace.levels.back().difference);
+  json["difference"] = replay.trace.levels.empty() ? Json(nullptr) : number(replay.trace.levels.back().difference);
   json["work"] = number(sample.work);
   json["levels"] = Json::array();
   for (const TracedLevel& l : replay.trace.levels) {
-    json["levels"].push_back({{"level", l.level},
-                              {"is_base", l.is_base},
-                              {"difference", number(l.difference)},
-                              {"work", number(l.work)}});
+    json["levels"].push_back(
+        {{"level", l.level}, {"is_base", l.is_base}, {"difference", number(l.difference)}, {"work", number(l.work)}});
   }
   json["status"] = std::isfinite(sample.value) ? "ok" : "nonfinite";
   add_versions(json);
@@ -437,8 +429,8 @@ std::string render_json(const Pictures& all) {
                     {"verdict", p.verdict},
                     {"seconds", p.seconds}});
   }
-  Json json = {{"scene", all.scene},   {"width", all.width},       {"height", all.height},
-               {"seed", all.seed},     {"complete", all.complete}, {"pictures", std::move(list)}};
+  Json json = {{"scene", all.scene}, {"width", all.width},       {"height", all.height},
+               {"seed", all.seed},   {"complete", all.complete}, {"pictures", std::move(list)}};
   add_versions(json);
   return pretty(json);
 }

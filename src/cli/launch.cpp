@@ -21,8 +21,8 @@ struct Launcher {
   const char* rank;
 };
 constexpr std::array<Launcher, 3> launchers = {{{"OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"},  // Open MPI
-                                                {"PMI_SIZE", "PMI_RANK"},         // MPICH, and others
-                                                {"SLURM_NTASKS", "PMIX_RANK"}}};  // srun --mpi=pmix
+                                                {"PMI_SIZE", "PMI_RANK"},                          // MPICH, and others
+                                                {"SLURM_NTASKS", "PMIX_RANK"}}};                   // srun --mpi=pmix
 
 // The number of ranks that a launcher says there are; all but the first are silent from here on.
 int launched_ranks() {

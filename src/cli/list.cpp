@@ -27,8 +27,7 @@ std::vector<Row> problem_rows() {
   std::vector<Row> rows = {{"id", "name", "module", "variance", "work", "law", "truth", "source"}};
   for (const catalog::Problem& p : catalog::problems()) {
     rows.push_back({p.id, p.name, p.module, variance_text(p.rates), power(p.rates.work, p.rates.decay),
-                    law_exists(p.rates) ? catalog::default_law(p).spec() : "none", rounded(p.truth, 10),
-                    p.formula});
+                    law_exists(p.rates) ? catalog::default_law(p).spec() : "none", rounded(p.truth, 10), p.formula});
   }
   return rows;
 }

@@ -29,9 +29,7 @@ constexpr std::string_view erase_line = "\r\033[K";
 constexpr std::string_view farewell =
     "debias: interrupted; no result, since a run that the clock ended would be biased\n";
 
-void write_stderr(std::string_view text) {
-  [[maybe_unused]] const auto n = write(2, text.data(), text.size());
-}
+void write_stderr(std::string_view text) { [[maybe_unused]] const auto n = write(2, text.data(), text.size()); }
 
 volatile std::sig_atomic_t farewell_said = 0;
 
@@ -117,9 +115,9 @@ std::string share_of(double done, double total, double seconds) {
 std::function<bool(std::string_view, double, double)> watch_on(Progress& progress) {
   return [&progress](std::string_view what, double done, double total) {
     if (progress.due()) {
-      progress.show(std::string(what) + ", " + rounded(done) +
-                    (total > 0 ? " of " + rounded(total) + " samples, " + share_of(done, total, progress.seconds())
-                               : " draws"));
+      progress.show(
+          std::string(what) + ", " + rounded(done) +
+          (total > 0 ? " of " + rounded(total) + " samples, " + share_of(done, total, progress.seconds()) : " draws"));
     }
     return !interrupted();
   };

@@ -61,9 +61,9 @@ void print(std::ostream& out, const Run& run) {
   }
   if (!s.largest.empty()) {
     const LargeSample& l = s.largest.front();
-    print_line(out, "largest",
-               rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " +
-                   std::to_string(l.level) + ")");
+    print_line(
+        out, "largest",
+        rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " + std::to_string(l.level) + ")");
   }
   if (!std::isnan(run.z)) {
     print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
@@ -91,8 +91,7 @@ MultilevelRun prepared_multilevel_of(const catalog::Problem& problem, const Argu
     throw std::invalid_argument("--estimator multilevel (takes its draws from --error); write --error 0.01");
   }
   if (arguments.law != "declared" || arguments.base_level != "auto" || arguments.block != "1") {
-    throw std::invalid_argument(
-        "--estimator multilevel (has no law, base level or block to choose); leave them out");
+    throw std::invalid_argument("--estimator multilevel (has no law, base level or block to choose); leave them out");
   }
   plan.progress = [&](std::int64_t finished) {
     return watch(problem.id + ": level by level", static_cast<double>(finished), 0);
@@ -108,11 +107,9 @@ MultilevelRun prepared_multilevel_of(const catalog::Problem& problem, const Argu
 void print(std::ostream& out, const MultilevelRun& run) {
   print_line(out, "problem", title(*run.problem));
   out << run.statistics;
-  const double distance =
-      (run.statistics.components.front().mean - run.problem->truth) / run.statistics.goal;
+  const double distance = (run.statistics.components.front().mean - run.problem->truth) / run.statistics.goal;
   if (std::isnan(distance)) return;
-  print_line(out, "truth",
-             rounded(run.problem->truth, 15) + ", " + rounded(distance, 3) + " goals away");
+  print_line(out, "truth", rounded(run.problem->truth, 15) + ", " + rounded(distance, 3) + " goals away");
 }
 
 AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
@@ -137,21 +134,17 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
   const bool by_recipe = wants_recipe(arguments);
   catalog::Choice choice;
   RecipeOptions options;
-  by_recipe ? void(options = read_recipe(arguments, problem))
-            : void(choice = read_choice(arguments, problem));
+  by_recipe ? void(options = read_recipe(arguments, problem)) : void(choice = read_choice(arguments, problem));
   const double confidence = read_confidence(arguments.confidence);
   Plan plan = read_plan(arguments);
   double total = 0;
-  plan.progress = [&](std::int64_t finished) {
-    return watch(problem.id, static_cast<double>(finished), total);
-  };
+  plan.progress = [&](std::int64_t finished) { return watch(problem.id, static_cast<double>(finished), total); };
   std::optional<Advice> advice;
   const Goal goal = plan.goal;
   if (by_recipe) {
     advice = advise(problem.levels, plan, options);
-    choice = {
-        advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
-        advice->law, advice->base_level, "", advice->block};
+    choice = {advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
+              advice->law, advice->base_level, "", advice->block};
     plan = detail::plan_of(plan, *advice);
   }
   prepare(choice, advice ? &*advice : nullptr, plan);
@@ -165,8 +158,8 @@ Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments,
         ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
   }
   const Interval interval = statistics.interval(confidence);
-  const double z = (statistics.components.front().mean - problem.truth) /
-                   catalog::believed_error(statistics, problem.truth);
+  const double z =
+      (statistics.components.front().mean - problem.truth) / catalog::believed_error(statistics, problem.truth);
   return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
 }
 
@@ -225,8 +218,9 @@ int finish(const Run& result, const Arguments& arguments, Output& out) {
   if (out.is_file() && !arguments.quiet) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
-    summary.stream() << result.problem->id << ' ' << result.problem->name << ": " << with_error(c.mean, c.standard_error)
-                     << ", z = " << rounded(result.z, 3) << ", " << s.samples << " samples, seed " << s.seed << '\n';
+    summary.stream() << result.problem->id << ' ' << result.problem->name << ": "
+                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", " << s.samples
+                     << " samples, seed " << s.seed << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;

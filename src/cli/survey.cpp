@@ -14,8 +14,7 @@ SurveyOf survey_of(const catalog::Problem& problem, const Arguments& arguments, 
   Plan plan = read_plan(arguments);
   const double total = static_cast<double>(levels) * static_cast<double>(plan.samples);
   plan.progress = [&](std::int64_t finished) {
-    return watch(problem.id + ": level " + std::to_string(finished / plan.samples) + " of " +
-                     std::to_string(levels),
+    return watch(problem.id + ": level " + std::to_string(finished / plan.samples) + " of " + std::to_string(levels),
                  static_cast<double>(finished), total);
   };
   return {&problem, plan.samples, debias::survey(problem.levels, levels, plan)};

@@ -43,8 +43,7 @@ const Family& family_of(const std::string& name) {
     names[i] = families[i].name;
     if (name == names[i]) return families[i];
   }
-  throw std::invalid_argument("--family = '" + name + "' (write geometric, zeta or poisson)" +
-                              suggestion(name, names));
+  throw std::invalid_argument("--family = '" + name + "' (write geometric, zeta or poisson)" + suggestion(name, names));
 }
 
 // The parameters to sweep: across the exponents with finite variance and finite work, and a little beyond.
@@ -67,8 +66,7 @@ TradeoffPoint predicted(const AnyPmf& law, const MeasuredRates& rates, const Ter
 }
 
 // A law so slow that a level does not fit 64 bits, or memory, stays without a measurement.
-void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& plan,
-             const catalog::Problem& problem) {
+void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& plan, const catalog::Problem& problem) {
   try {
     const Statistics s = problem.run(choice, plan);
     const auto block = static_cast<double>(choice.block);
@@ -103,10 +101,10 @@ void print_csv(std::ostream& out, const Tradeoff& t) {
     const auto known = [](bool is, double x) { return is && std::isfinite(x) ? to_text(x) : std::string(); };
     out << '"' << p.law.spec() << "\"," << known(true, p.law.tail_exponent().exponent) << ','
         << known(p.verdict.variance != Finiteness::infinite, p.predicted.variance) << ','
-        << known(p.measured, p.variance) << ','
-        << known(p.verdict.work != Finiteness::infinite, p.predicted.work) << ',' << known(p.measured, p.work)
-        << ',' << known(p.measured, p.efficiency) << ',' << known(true, p.verdict.tail_index) << ','
-        << name_of(p.verdict.variance) << ',' << name_of(p.verdict.work) << '\n';
+        << known(p.measured, p.variance) << ',' << known(p.verdict.work != Finiteness::infinite, p.predicted.work)
+        << ',' << known(p.measured, p.work) << ',' << known(p.measured, p.efficiency) << ','
+        << known(true, p.verdict.tail_index) << ',' << name_of(p.verdict.variance) << ',' << name_of(p.verdict.work)
+        << '\n';
   }
 }
 
@@ -123,15 +121,12 @@ Tradeoff prepared_tradeoff_of(const catalog::Problem& problem, const Arguments& 
   const catalog::Choice shape = read_shape(arguments, problem);
   Plan plan = read_plan(arguments);
   std::string what = "pilot";
-  plan.progress = [&](std::int64_t done) {
-    return watch(problem.id + ": " + what, static_cast<double>(done), 0);
-  };
+  plan.progress = [&](std::int64_t done) { return watch(problem.id + ": " + what, static_cast<double>(done), 0); };
 
   Tradeoff t;
   t.problem = &problem;
   t.samples = plan.samples;
-  t.setup = {shape.base_level, shape.method == catalog::Method::single_term ? Base::always : Base::drawn,
-             shape.block};
+  t.setup = {shape.base_level, shape.method == catalog::Method::single_term ? Base::always : Base::drawn, shape.block};
   t.shares_base = t.setup.base == Base::always && problem.levels.shared;
   const double unit = problem.levels.work(shape.base_level, plan).second;
   const double budget = unit * std::max(least_pilot, pilot_share * static_cast<double>(count * plan.samples));
@@ -182,28 +177,28 @@ Tradeoff prepared_tradeoff_of(const catalog::Problem& problem, const Arguments& 
 
 void print(std::ostream& out, const Tradeoff& t) {
   print_line(out, "problem", title(*t.problem));
-  std::vector<Row> rows = {{"law", "exponent", "variance", "measured", "work", "measured", "product",
-                            "measured", "efficiency", "tail index", "moments below", ""}};
+  std::vector<Row> rows = {{"law", "exponent", "variance", "measured", "work", "measured", "product", "measured",
+                            "efficiency", "tail index", "moments below", ""}};
   for (std::size_t i = 0; i < t.points.size(); ++i) {
     const TradeoffPoint& p = t.points[i];
     const bool finite_variance = p.verdict.variance != Finiteness::infinite;
     const bool finite_work = p.verdict.work != Finiteness::infinite;
-    rows.push_back({p.law.spec(), rounded(p.law.tail_exponent().exponent),
-                    figure(finite_variance, p.predicted.variance), figure(p.measured, p.variance),
-                    figure(finite_work, p.predicted.work), figure(p.measured, p.work),
-                    figure(finite_variance && finite_work, p.predicted.product()),
-                    figure(p.measured, p.variance * p.work), figure(p.measured, p.efficiency),
-                    rounded(p.verdict.tail_index, 3),
-                    p.verdict.tail_index > 0 ? rounded(1 / p.verdict.tail_index, 3) : "all",
-                    i == t.best ? "<- best of the family" : regions(p)});
+    rows.push_back(
+        {p.law.spec(), rounded(p.law.tail_exponent().exponent), figure(finite_variance, p.predicted.variance),
+         figure(p.measured, p.variance), figure(finite_work, p.predicted.work), figure(p.measured, p.work),
+         figure(finite_variance && finite_work, p.predicted.product()), figure(p.measured, p.variance * p.work),
+         figure(p.measured, p.efficiency), rounded(p.verdict.tail_index, 3),
+         p.verdict.tail_index > 0 ? rounded(1 / p.verdict.tail_index, 3) : "all",
+         i == t.best ? "<- best of the family" : regions(p)});
   }
   print_table(out, rows);
   if (t.survey.law_exists == Answer::no) {
     print_line(out, "optimum", "none: no law has finite variance and finite work");
   } else {
     print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
-    print_line(out, "bound", rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
-                                 (t.shares_base ? " with draws that share nothing" : ""));
+    print_line(out, "bound",
+               rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
+                   (t.shares_base ? " with draws that share nothing" : ""));
   }
   print_line(out, "base",
              "level " + std::to_string(t.setup.base_level) +
@@ -221,8 +216,7 @@ int tradeoff(const Arguments& arguments) {
   Output out(arguments.output);
   Progress progress(arguments.quiet);
   const auto prepare = [&](const AnyPmf& law, Plan& plan) { session.attach(plan, law.spec()); };
-  const Tradeoff t =
-      session.guard([&] { return prepared_tradeoff_of(problem, words, watch_on(progress), prepare); });
+  const Tradeoff t = session.guard([&] { return prepared_tradeoff_of(problem, words, watch_on(progress), prepare); });
   progress.erase();
   interrupted() ? session.suspend() : session.flush();
   if (arguments.json) {
@@ -234,8 +228,7 @@ int tradeoff(const Arguments& arguments) {
   }
   out.flush();
   if (!interrupted()) return done;
-  complain("interrupted; " + std::to_string(t.points.size()) + " of " + arguments.points +
-           " points are complete");
+  complain("interrupted; " + std::to_string(t.points.size()) + " of " + arguments.points + " points are complete");
   return interrupted_by_signal;
 }
 

@@ -57,8 +57,8 @@ void Moments::merge(const Moments& b) {
   const double delta = b.mean - mean;
   const double d = delta / n;  // Pebay 2008, (2.1) to (2.4)
   const double d2 = d * d;
-  m4 += b.m4 + delta * d * d2 * na * nb * (na * na - na * nb + nb * nb) +
-        6 * d2 * (na * na * b.m2 + nb * nb * m2) + 4 * d * (na * b.m3 - nb * m3);
+  m4 += b.m4 + delta * d * d2 * na * nb * (na * na - na * nb + nb * nb) + 6 * d2 * (na * na * b.m2 + nb * nb * m2) +
+        4 * d * (na * b.m3 - nb * m3);
   m3 += b.m3 + delta * d2 * na * nb * (na - nb) + 3 * d * (na * b.m2 - nb * m2);
   m2 += b.m2 + delta * d * na * nb;
   mean += d * nb;
@@ -126,8 +126,7 @@ std::pair<std::int64_t, std::int64_t> LevelTable::levels_of_row(std::size_t row)
   return {first, first + (first - 1)};
 }
 
-void Extremes::add(std::span<const double> values, std::span<const std::int64_t> levels,
-                   std::int64_t first_index) {
+void Extremes::add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double x = values[i] + 0.0;  // -0 becomes 0: equal values must have equal bits
     const LargeSample candidate{first_index + static_cast<std::int64_t>(i), levels[i], x};
@@ -176,8 +175,8 @@ void Accumulator::merge(const Accumulator& right) {
 void Recorder::flush() {
   const std::span values(values_.data(), filled_);
   sums_.moments.merge(Moments::of(values));
-  const auto known = static_cast<std::size_t>(
-      std::clamp<std::int64_t>(known_ - block_first_, 0, static_cast<std::int64_t>(filled_)));
+  const auto known =
+      static_cast<std::size_t>(std::clamp<std::int64_t>(known_ - block_first_, 0, static_cast<std::int64_t>(filled_)));
   extremes_.add(values.subspan(known), std::span(levels_.data(), filled_).subspan(known),
                 block_first_ + static_cast<std::int64_t>(known));
   block_first_ += static_cast<std::int64_t>(filled_);

@@ -261,8 +261,8 @@ class File {
     Bytes bytes(static_cast<std::size_t>(size));
     std::size_t filled = 0;
     while (filled < bytes.size()) {
-      const auto n = pread(descriptor_, bytes.data() + filled, bytes.size() - filled,
-                           static_cast<off_t>(offset + filled));
+      const auto n =
+          pread(descriptor_, bytes.data() + filled, bytes.size() - filled, static_cast<off_t>(offset + filled));
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) fail(path_);
       if (n == 0) break;
@@ -324,7 +324,8 @@ Checkpoint parse_checkpoint(std::span<const std::byte> bytes) {
     r.number(order);
     r.number(layout);
     if (order != byte_order) refuse("its byte order is not little endian");
-    if (format != format_version) refuse("its format is version " + std::to_string(format) + ", not " + std::to_string(format_version));
+    if (format != format_version)
+      refuse("its format is version " + std::to_string(format) + ", not " + std::to_string(format_version));
     r.text(result.text);
     const std::uint32_t expected = crc32(bytes.first(r.position()));
     std::uint32_t stated = 0;
@@ -429,7 +430,8 @@ bool CheckpointWriter::is_there() const {
   }
   const struct stat own = own_->status();
   if (status.st_ino == own.st_ino && status.st_dev == own.st_dev) return true;
-  throw std::system_error(EEXIST, std::generic_category(), "'" + path_ + "': another run has put a file of its own here");
+  throw std::system_error(EEXIST, std::generic_category(),
+                          "'" + path_ + "': another run has put a file of its own here");
 }
 
 void CheckpointWriter::restart(std::string text, Parts parts) {

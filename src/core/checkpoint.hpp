@@ -64,7 +64,8 @@ class CheckpointWriter {
   /// The same file with another text, and with these parts alone.
   void restart(std::string text, Parts parts);
 
-  static constexpr std::size_t most_waste = 1 << 20;  // bytes of records that no longer count, beside four times the rest
+  static constexpr std::size_t most_waste = 1
+                                            << 20;  // bytes of records that no longer count, beside four times the rest
 
  private:
   void write_whole();

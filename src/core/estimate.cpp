@@ -89,8 +89,8 @@ void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
   if (s.nonfinite > 0) {
     s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-                         " samples are not finite, so the mean is not a number; replay the first: seed " +
-                         seed + ", sample " + std::to_string(s.first_nonfinite) + ".");
+                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
+                         ", sample " + std::to_string(s.first_nonfinite) + ".");
     return;
   }
   if (s.samples < 2) {
@@ -116,7 +116,8 @@ void add_warnings(Statistics& s) {
   }
   constexpr double least_square = 1e-290;  // below, squares lose their digits
   if ((highest - lowest) * (highest - lowest) < least_square) {
-    s.warnings.emplace_back("squares of the deviations underflow, so the standard error is too small; scale the values.");
+    s.warnings.emplace_back(
+        "squares of the deviations underflow, so the standard error is too small; scale the values.");
     return;
   }
   if (!(s.moments.m2 > 0)) return;
@@ -125,11 +126,10 @@ void add_warnings(Statistics& s) {
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
   const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
   if (s.samples >= 100 && share > 0.1) {
-    s.warnings.push_back(
-        "one sample carries " + percent(share) +
-        " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " + seed +
-        ", sample " + std::to_string(s.largest.front().index) + ", level " +
-        std::to_string(s.largest.front().level) + ".");
+    s.warnings.push_back("one sample carries " + percent(share) +
+                         " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
+                         seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
+                         std::to_string(s.largest.front().level) + ".");
   } else if (doubt > 0.1) {
     s.warnings.push_back("the standard error is itself uncertain by " + percent(doubt) +
                          " (threshold 10 %), more often too small than too large; run more samples.");
@@ -142,10 +142,9 @@ namespace detail {
 
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   const auto report = [&](const std::string& what) {
-    std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " +
-                                           std::to_string(seed) + " threw: " + what +
-                                           "; replay it alone with trace(estimator, " + std::to_string(seed) +
-                                           ", " + std::to_string(index) + ")",
+    std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " + std::to_string(seed) +
+                                           " threw: " + what + "; replay it alone with trace(estimator, " +
+                                           std::to_string(seed) + ", " + std::to_string(index) + ")",
                                        seed, index));
   };
   try {
@@ -295,8 +294,7 @@ void check_goal(const Goal& goal) {
     throw std::invalid_argument("Goal: " + std::string(name) + " = " + std::to_string(value) +
                                 " (must be positive and finite)");
   }
-  if (wishes > 1)
-    throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
+  if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
 }
 
 namespace {
@@ -318,8 +316,9 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
-  s.warnings.emplace_back("the standard error is below the rounding of single-precision values, which may have moved "
-                          "the mean by more; compute the values in double.");
+  s.warnings.emplace_back(
+      "the standard error is below the rounding of single-precision values, which may have moved "
+      "the mean by more; compute the values in double.");
 }
 
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
@@ -350,8 +349,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
     if (next < 4 * static_cast<double>(pilot.samples)) {
       if (!(wanted < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) +
-                                    " samples (does not fit 64 bits)");
+        throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) + " samples (does not fit 64 bits)");
       }
       return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }
@@ -372,8 +370,8 @@ Statistics merge(const Statistics& a, const Statistics& b) {
   state.merge(b.state);
   if (!state.contiguous()) {
     refuse("the ranges [" + std::to_string(a.first) + ", " + std::to_string(a.first + a.samples) + ") and [" +
-           std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) +
-           ") do not meet at a multiple of " + std::to_string(state.chunk()) + "; choose `first` and `samples` so");
+           std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) + ") do not meet at a multiple of " +
+           std::to_string(state.chunk()) + "; choose `first` and `samples` so");
   }
   Statistics statistics = finish(a.estimator, a.seed, std::move(state));
   statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;

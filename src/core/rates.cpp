@@ -19,7 +19,7 @@ bool law_exists(const Rates& rates) {
 
 namespace {
 
-constexpr double least_room = 0.2;        // between the bounds of an exponent, of work and fourth moment
+constexpr double least_room = 0.2;       // between the bounds of an exponent, of work and fourth moment
 constexpr double comfortable = 7.0 / 8;  // of the way to the latter: tail index 1/7, where 1/4 is the bound
 
 // `fourth` is the decay of E D^4.
@@ -27,8 +27,7 @@ double exponent_below(const Rates& rates, double fourth) {
   const ExponentRange range = finite_exponents(rates);
   if (!(range.low < range.high)) {
     std::ostringstream text;
-    text << "law: E D_k^2 decays with exponent " << rates.variance << " and the work grows with exponent "
-         << rates.work
+    text << "law: E D_k^2 decays with exponent " << rates.variance << " and the work grows with exponent " << rates.work
          << " (no law has both finite variance and finite work); a better coupling, a smoother integrand or "
             "extrapolation may raise the decay, `truncated` accepts a bias";
     throw std::invalid_argument(text.str());

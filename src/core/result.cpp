@@ -189,8 +189,7 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     const ComponentEstimate& c = s.components[i];
     const Interval interval = s.interval(0.95, i);
     line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
-                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" +
-                                   doubt);
+                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt);
   }
   if (s.bias_bound.size > 0)
     line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
@@ -206,12 +205,11 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     if (g.error > 0)
       line("goal", "standard error " + format("%g", g.error) + outcome + format("%.3g", s.total_error()));
     if (g.relative_error > 0) {
-      line("goal", "relative error " + format("%g", g.relative_error) + outcome +
-                       format("%.3g", s.total_error() / s.size()));
+      line("goal",
+           "relative error " + format("%g", g.relative_error) + outcome + format("%.3g", s.total_error() / s.size()));
     }
     if (g.seconds > 0) {
-      line("goal",
-           format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));
+      line("goal", format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));
     }
   }
   for (const std::string& warning : s.warnings) line("warning", warning);

@@ -139,9 +139,8 @@ double error_of(std::span<const double> values, std::size_t size, double k) {
 
 ParetoFit fit_pareto(std::span<const double> x) {
   if (x.size() < fewest_values || !(first_quartile(x) > 0)) {
-    throw std::invalid_argument(
-        "fit_pareto: " + std::to_string(x.size()) +
-        " exceedances (must be at least 5, in ascending order, the first quartile positive)");
+    throw std::invalid_argument("fit_pareto: " + std::to_string(x.size()) +
+                                " exceedances (must be at least 5, in ascending order, the first quartile positive)");
   }
   const auto n = static_cast<double>(x.size());
   const double points = 30 + std::floor(std::sqrt(n));

@@ -125,8 +125,7 @@ double parse_double(std::string_view text, std::string_view what) {
   return x;
 }
 
-std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low,
-                          std::uint64_t high) {
+std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low, std::uint64_t high) {
   Count count = read_count(text);
   if (count.wrong.empty() && low <= count.value && count.value <= high) return count.value;
   const std::string range = std::to_string(low) + " ... " + std::to_string(high);
@@ -138,9 +137,9 @@ std::uint64_t parse_count(std::string_view text, std::string_view what, std::uin
     count.wrong = "must lie in " + range;
     meant = std::to_string(high);
   }
-  throw std::invalid_argument(std::string(what) + " = '" + std::string(text) + "' (" + count.wrong + "); " +
-                              (meant.empty() ? "write a whole number such as 1000, 1e6 or 1_000_000"
-                                             : "did you mean '" + meant + "'?"));
+  throw std::invalid_argument(
+      std::string(what) + " = '" + std::string(text) + "' (" + count.wrong + "); " +
+      (meant.empty() ? "write a whole number such as 1000, 1e6 or 1_000_000" : "did you mean '" + meant + "'?"));
 }
 
 std::string to_text(double x) {

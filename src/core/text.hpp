@@ -18,8 +18,7 @@ double parse_double(std::string_view text, std::string_view what);
 /// a fraction or an exponent as long as the number is whole (1000, 1e6, 2.5e6, 1_000_000). Throws
 /// std::invalid_argument that names `what` and a near miss for anything else: a sign, a leading zero (octal
 /// to some), trailing characters.
-std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low,
-                          std::uint64_t high);
+std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low, std::uint64_t high);
 
 /// The fewest digits that parse_double reads back as the same double.
 std::string to_text(double x);

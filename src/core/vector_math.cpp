@@ -52,9 +52,12 @@ void apply_sse2(const Function& f, double* x, std::size_t n) {
 void apply(const Function& f, std::span<double> x) {
   const auto some = [&](double* from, std::size_t n) {
     switch (instructions()) {
-      case Instructions::avx512: return apply_avx512(f, from, n);
-      case Instructions::avx2: return apply_avx2(f, from, n);
-      case Instructions::sse2: return apply_sse2(f, from, n);
+      case Instructions::avx512:
+        return apply_avx512(f, from, n);
+      case Instructions::avx2:
+        return apply_avx2(f, from, n);
+      case Instructions::sse2:
+        return apply_sse2(f, from, n);
     }
   };
   constexpr std::size_t widest = 8;

@@ -311,8 +311,7 @@ Index together(const Index& levels, const Index& tails) {
 // Of one side, as far as it can carry the variance.
 Index index_of(const TailIndex& tail, double share, std::int64_t samples) {
   if (tail.state == TailState::too_few) return {tail.k, infinity};
-  if (tail.state == TailState::bounded || share < std::pow(static_cast<double>(samples), irrelevant_share))
-    return {};
+  if (tail.state == TailState::bounded || share < std::pow(static_cast<double>(samples), irrelevant_share)) return {};
   return {tail.k, tail.error};
 }
 
@@ -432,20 +431,18 @@ std::vector<std::string> RunVerdict::sentences() const {
   const std::string number = index_text(*this);
   switch (variance) {
     case Finiteness::finite:
-      all.push_back(std::string("variance finite") +
-                    (levels.available ? ": " : " as far as these values reach: ") + number +
-                    " (threshold 0.5; " + evidence_text(*this) + ").");
+      all.push_back(std::string("variance finite") + (levels.available ? ": " : " as far as these values reach: ") +
+                    number + " (threshold 0.5; " + evidence_text(*this) + ").");
       break;
     case Finiteness::infinite:
-      all.push_back(
-          "variance INFINITE: " + number + " (threshold 0.5; " + evidence_text(*this) +
-          "), so the standard error is too small most of the time and errors fall like N^-" +
-          format("%.2f", rate) + ", not N^-0.5; " +
-          (levels.available && levels.beta > 0
-               ? "take a law that falls more slowly, with exponent below " +
-                     format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
-                     ", as long as its work is finite."
-               : std::string("find what makes the largest values, a law that falls too fast say.")));
+      all.push_back("variance INFINITE: " + number + " (threshold 0.5; " + evidence_text(*this) +
+                    "), so the standard error is too small most of the time and errors fall like N^-" +
+                    format("%.2f", rate) + ", not N^-0.5; " +
+                    (levels.available && levels.beta > 0
+                         ? "take a law that falls more slowly, with exponent below " +
+                               format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
+                               ", as long as its work is finite."
+                         : std::string("find what makes the largest values, a law that falls too fast say.")));
       break;
     case Finiteness::undecided:
       all.push_back("variance undecided: " + number + " (threshold 0.5; " + evidence_text(*this) +
@@ -460,16 +457,15 @@ std::vector<std::string> RunVerdict::sentences() const {
                   "law that falls more slowly, or more samples.");
   }
   if (variance != Finiteness::finite && tail_index > usable_tail_index(samples)) {
-    all.push_back(
-        "even the mean is doubtful: " + number + " (threshold " + format("%.2f", usable_tail_index(samples)) +
-        " for " + std::to_string(samples) + " samples), so it may be far off; " +
-        (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."
-                                       : "no number of samples helps."));
+    all.push_back("even the mean is doubtful: " + number + " (threshold " + format("%.2f", usable_tail_index(samples)) +
+                  " for " + std::to_string(samples) + " samples), so it may be far off; " +
+                  (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."
+                                                 : "no number of samples helps."));
   }
   if (variance != Finiteness::finite && !largest.empty()) {
     const LargeSample& l = largest.front();
-    all.push_back("the largest sample, index " + std::to_string(l.index) + " of level " +
-                  std::to_string(l.level) + ", carries " + format("%.2g", 100 * largest_share) +
+    all.push_back("the largest sample, index " + std::to_string(l.index) + " of level " + std::to_string(l.level) +
+                  ", carries " + format("%.2g", 100 * largest_share) +
                   " % of the sum of squares; replay it to see what it is made of.");
   }
   return all;

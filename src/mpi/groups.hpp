@@ -17,8 +17,7 @@ namespace debias::mpi {
 
 class Groups {
  public:
-  Groups(std::vector<RunState::Range> samples, std::int64_t chunk)
-      : samples_(std::move(samples)), chunk_(chunk) {
+  Groups(std::vector<RunState::Range> samples, std::int64_t chunk) : samples_(std::move(samples)), chunk_(chunk) {
     for (const auto& [first, last] : samples_) left_ += chunks_of(first, last);
   }
 
@@ -31,8 +30,7 @@ class Groups {
     const std::int64_t chunk = first / chunk_;
     std::int64_t size = std::min(std::max(left_ / (2 * ranks), threads), chunks_of(first, last));
     size = std::int64_t{1} << (std::bit_width(static_cast<std::uint64_t>(size)) - 1);
-    if (chunk > 0)
-      size = std::min(size, std::int64_t{1} << std::countr_zero(static_cast<std::uint64_t>(chunk)));
+    if (chunk > 0) size = std::min(size, std::int64_t{1} << std::countr_zero(static_cast<std::uint64_t>(chunk)));
     left_ -= size;
     const std::int64_t begin = first;
     first = last / chunk_ < chunk + size ? last : (chunk + size) * chunk_;

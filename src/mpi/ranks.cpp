@@ -57,8 +57,7 @@ struct Order {
 
 int size_of(std::size_t bytes) {
   if (bytes <= static_cast<std::size_t>(std::numeric_limits<int>::max())) return static_cast<int>(bytes);
-  throw std::length_error("mpi: a message of " + std::to_string(bytes) +
-                          " bytes (MPI takes 2^31 - 1 at once)");
+  throw std::length_error("mpi: a message of " + std::to_string(bytes) + " bytes (MPI takes 2^31 - 1 at once)");
 }
 
 template <class T>
@@ -194,8 +193,7 @@ class Communicator final : public debias::detail::Ranks {
   void or_abort(const F& f) const;
 
   MPI_Comm comm_ = MPI_COMM_NULL;
-  MPI_Comm tree_ =
-      MPI_COMM_NULL;  // for sums at the end, which some ranks send while others still listen to all
+  MPI_Comm tree_ = MPI_COMM_NULL;  // for sums at the end, which some ranks send while others still listen to all
   int rank_ = 0;
   int size_ = 1;
   int threads_ = 1;
@@ -207,8 +205,7 @@ Communicator::Communicator(MPI_Comm comm) {
   int ended = 0;
   MPI_Initialized(&running);
   MPI_Finalized(&ended);
-  if (running == 0 || ended != 0)
-    refuse("MPI is not running; call MPI_Init_thread before, and MPI_Finalize after");
+  if (running == 0 || ended != 0) refuse("MPI is not running; call MPI_Init_thread before, and MPI_Finalize after");
   if (comm == MPI_COMM_NULL) refuse("comm = MPI_COMM_NULL (has no ranks); leave out those that have no part");
   int level = MPI_THREAD_SINGLE;
   int is_main = 0;
@@ -243,8 +240,8 @@ bool Communicator::meet(const std::string& text, std::exception_ptr failure, boo
     failure = std::make_exception_ptr(std::logic_error("mpi: a rank has left, and others go on"));
   }
   if (!failure && text_of_bytes(first) != text) {
-    failure = std::make_exception_ptr(std::invalid_argument(
-        "mpi: ranks differ in what they run (they must all give the same estimator and plan)"));
+    failure = std::make_exception_ptr(
+        std::invalid_argument("mpi: ranks differ in what they run (they must all give the same estimator and plan)"));
   }
   std::array<int, 2> votes = {failure ? rank_ : size_, leaves ? 0 : 1};
   MPI_Allreduce(MPI_IN_PLACE, &votes[0], 1, MPI_INT, MPI_MIN, comm_);
@@ -289,8 +286,7 @@ void Communicator::leave(std::exception_ptr failure) {
 // Rank 0's view of all: who gets which samples, and when all is over.
 class Communicator::Server {
  public:
-  Server(std::vector<Work::Range> samples, std::int64_t chunk, int ranks,
-         std::function<void(int, const Order&)> tell)
+  Server(std::vector<Work::Range> samples, std::int64_t chunk, int ranks, std::function<void(int, const Order&)> tell)
       : groups_(std::move(samples), chunk), drawn_(static_cast<std::size_t>(ranks)), tell_(std::move(tell)) {}
 
   void hear(int rank, const News& news) {
@@ -469,8 +465,6 @@ void Communicator::gather(Work& work, const std::function<void()>& conclude) {
 
 }  // namespace
 
-std::shared_ptr<debias::detail::Ranks> ranks_of(MPI_Comm comm) {
-  return std::make_shared<Communicator>(comm);
-}
+std::shared_ptr<debias::detail::Ranks> ranks_of(MPI_Comm comm) { return std::make_shared<Communicator>(comm); }
 
 }  // namespace debias::mpi

@@ -116,8 +116,7 @@ AnyPmf AnyPmf::parse(std::string_view text) {
     hint = "; write one of";
     for (const AnyPmf::Form& form : all_forms) hint += " " + std::string(form.name);
   }
-  throw std::invalid_argument("law '" + std::string(text) + "' (no law is called '" + std::string(name) +
-                              "')" + hint);
+  throw std::invalid_argument("law '" + std::string(text) + "' (no law is called '" + std::string(name) + "')" + hint);
 }
 
 }  // namespace debias

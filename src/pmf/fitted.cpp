@@ -15,7 +15,8 @@ namespace {
 constexpr double half_octave = 1.4142135623730951;
 constexpr double least_left = 1e-9;  // of a variance: a level without any is still drawn
 constexpr double tolerance = 1e-9;   // of the price
-constexpr double block_tolerance = 1e-4;  // the same in blocks, where each price takes longer and the product is as flat
+constexpr double block_tolerance =
+    1e-4;  // the same in blocks, where each price takes longer and the product is as flat
 
 [[noreturn]] void refuse(const std::string& function, const std::string& problem) {
   throw std::invalid_argument(function + ": " + problem);
@@ -45,7 +46,8 @@ double left_at(const std::vector<std::vector<double>>& shares, std::size_t k, do
   if (share[i] == 0) return 0;
   if (i < last) return share[i] * std::pow(share[i + 1] / share[i], beyond);
   const std::size_t before = last > 2 ? last - 2 : 0;
-  return last == 0 ? share[0] : share[last] * std::pow(share[last] / share[before], beyond / static_cast<double>(last - before));
+  return last == 0 ? share[0]
+                   : share[last] * std::pow(share[last] / share[before], beyond / static_cast<double>(last - before));
 }
 
 double members_at(const TermMoments& m, double p) { return static_cast<double>(m.block) * p; }

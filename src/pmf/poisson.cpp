@@ -60,8 +60,7 @@ double Poisson::tail(std::int64_t j) const {
 std::int64_t Poisson::sample(double u) const {
   assert(u > 0 && u <= 1);
   if (u > tails_.back()) return first_ + search_tails(tails_, u);
-  throw std::length_error("Poisson: lambda = " + to_text(lambda_) + ": at u = " + to_text(u) +
-                          " the tail underflows");
+  throw std::length_error("Poisson: lambda = " + to_text(lambda_) + ": at u = " + to_text(u) + " the tail underflows");
 }
 
 std::string Poisson::spec() const { return "poisson:lambda=" + to_text(lambda_); }

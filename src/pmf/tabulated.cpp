@@ -15,9 +15,7 @@ namespace debias {
 
 Tabulated::Tabulated(std::vector<double> masses, double tail_ratio)
     : weights_(std::move(masses)), masses_(weights_), tails_(weights_.size()), tail_ratio_(tail_ratio) {
-  const auto refuse = [](const std::string& problem) {
-    throw std::invalid_argument("Tabulated: " + problem);
-  };
+  const auto refuse = [](const std::string& problem) { throw std::invalid_argument("Tabulated: " + problem); };
   if (weights_.empty()) refuse("no masses (at least one is needed); Geometric is the law that is all tail");
   if (tail_ratio == 0) {
     refuse(

@@ -11,14 +11,12 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
 constexpr std::int64_t slow_levels_predicted = 4096;
-constexpr double never_seen = 1e-6;  // of a second moment, for the one of a base that showed nothing but zeros
-constexpr double bend = 0.1;         // octaves that a second moment may lie beside the fitted line
-constexpr double strata_share = 1.0 / 2;  // of the draws of a level that have no part in its base
+constexpr double never_seen = 1e-6;          // of a second moment, for the one of a base that showed nothing but zeros
+constexpr double bend = 0.1;                 // octaves that a second moment may lie beside the fitted line
+constexpr double strata_share = 1.0 / 2;     // of the draws of a level that have no part in its base
 constexpr std::int64_t fewest_members = 32;  // that run together and tell what strata leave
 
-double abscissa(double level, RateKind kind) {
-  return kind == RateKind::polynomial ? std::log2(level + 1) : level;
-}
+double abscissa(double level, RateKind kind) { return kind == RateKind::polynomial ? std::log2(level + 1) : level; }
 
 // The fitted line of log2 E D_k^2, with its error.
 struct FittedDecay {
@@ -165,7 +163,8 @@ double sum_above(std::int64_t base_level, const Survey& survey, const LevelModel
 }
 
 // Draws of a level as members that run together.
-StrataMoments strata_of(const LevelRuns& runs, std::int64_t level, std::int64_t base_level, double draws, const Plan& plan) {
+StrataMoments strata_of(const LevelRuns& runs, std::int64_t level, std::int64_t base_level, double draws,
+                        const Plan& plan) {
   if (!(draws >= static_cast<double>(fewest_members))) return {};
   const auto n = static_cast<std::uint64_t>(draws);
   const auto members = std::min(StrataMoments::most_members, static_cast<std::int64_t>(std::bit_floor(n)));
@@ -177,8 +176,8 @@ StrataMoments strata_of(const LevelRuns& runs, std::int64_t level, std::int64_t 
 
 }  // namespace
 
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
-                         const Setup& setup, const Plan& plan, double share) {
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model, const Setup& setup,
+                         const Plan& plan, double share) {
   const SurveyRow& base = survey.rows.at(static_cast<std::size_t>(setup.base_level));
   const auto first = static_cast<std::size_t>(setup.first_level());
   const auto slice = [first](const std::vector<double>& v) {
@@ -241,7 +240,8 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
       if (is_base && runs.shared) {
         left.clear();
       } else {
-        const StrataMoments s = runs.shared ? strata_of(runs, level, setup.base_level, draws_of(k), plan) : alone(level);
+        const StrataMoments s =
+            runs.shared ? strata_of(runs, level, setup.base_level, draws_of(k), plan) : alone(level);
         left = is_base ? s.base_left : s.difference_left;
         if (shared) base_left = s.base_left;
       }

@@ -59,8 +59,13 @@ struct Pass {
 template <class Schedule, class Law>
 Pass unbiased_pass(const Schedule& schedule, const Law& law, double u) {
   const std::int64_t j = law.sample(u);
-  return {schedule.photons_at(j + 1), schedule.photons_at(0), j + 1, schedule.radius2(0),
-          schedule.radius2(j + 1),    schedule.radius2(j),    inverse_weight(law.mass(j), j + 1)};
+  return {schedule.photons_at(j + 1),
+          schedule.photons_at(0),
+          j + 1,
+          schedule.radius2(0),
+          schedule.radius2(j + 1),
+          schedule.radius2(j),
+          inverse_weight(law.mass(j), j + 1)};
 }
 
 Pass pass_of(const PhotonMethod& method, const Stream& rng) {
@@ -248,7 +253,8 @@ PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan) {
   };
   plan.saving.take_up(all, layout);
   for (const Group& g : all) {
-    if (g.passes < 0 || g.passes > in_group) throw std::invalid_argument("no checkpoint: the sums are of another image");
+    if (g.passes < 0 || g.passes > in_group)
+      throw std::invalid_argument("no checkpoint: the sums are of another image");
   }
   const double earlier_seconds = r.seconds;
   const auto seconds_now = [&] {

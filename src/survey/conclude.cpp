@@ -24,9 +24,9 @@ constexpr double octave_floor = 0.03;
 // Below these sizes beside I_k a difference is: too small to matter, or rounding, or zero in exact arithmetic.
 constexpr double negligible = 1e-10;
 constexpr double rounding_size = 1e-13;
-constexpr double chi_square_z = 3.1;  // a right fit fails once in a thousand
-constexpr double drift_z = 1.0;       // how far a slope may move when the shallowest level leaves
-constexpr double confidence_z = 2.6;  // of yes and no: wrong once in two hundred
+constexpr double chi_square_z = 3.1;     // a right fit fails once in a thousand
+constexpr double drift_z = 1.0;          // how far a slope may move when the shallowest level leaves
+constexpr double confidence_z = 2.6;     // of yes and no: wrong once in two hundred
 constexpr double needless_excess = 0.2;  // a law for beta - gamma below this part of gamma is none for practice
 constexpr std::size_t fewest_levels = 3;
 constexpr int fewest_for_no = 4;  // fitted levels, unless the deepest is among them
@@ -46,8 +46,7 @@ double chi_square_deviate(double chi_square, int degrees) {
   return (std::cbrt(chi_square / degrees) - (1 - v)) / std::sqrt(v);
 }
 
-std::optional<RateFit> fit_tail(std::span<const double> x, std::span<const double> y,
-                                std::span<const double> errors) {
+std::optional<RateFit> fit_tail(std::span<const double> x, std::span<const double> y, std::span<const double> errors) {
   const auto fit_from = [&](std::size_t first) {
     return fit_line(x.subspan(first), y.subspan(first), errors.subspan(first));
   };
@@ -57,8 +56,7 @@ std::optional<RateFit> fit_tail(std::span<const double> x, std::span<const doubl
     if (first + fewest_levels < x.size()) {
       // Without the shallowest level the slope moves by less than noise when the power law is exact [Hausman].
       const Line next = fit_from(first + 1);
-      const double spread =
-          std::sqrt(next.slope_error * next.slope_error - line.slope_error * line.slope_error);
+      const double spread = std::sqrt(next.slope_error * next.slope_error - line.slope_error * line.slope_error);
       if (std::abs(next.slope - line.slope) > drift_z * spread) continue;
     }
     const double excess = std::max(1.0, line.chi_square / std::max(line.degrees, 1));
@@ -88,12 +86,11 @@ double relative_error_in_octaves(double spread, std::int64_t draws) {
   return std::sqrt(std::max(spread - 1, 0.0) / static_cast<double>(draws)) / std::log(2.0);
 }
 
-Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std::size_t>& usable,
-                      Decay decay) {
+Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std::size_t>& usable, Decay decay) {
   Points p;
   for (const std::size_t i : usable) {
-    p.add(abscissa(rows[i], decay), rows[i].second_moment,
-          relative_error_in_octaves(rows[i].kurtosis, rows[i].draws), i);
+    p.add(abscissa(rows[i], decay), rows[i].second_moment, relative_error_in_octaves(rows[i].kurtosis, rows[i].draws),
+          i);
   }
   return p;
 }
@@ -142,8 +139,7 @@ class Conclusion {
         const ComponentEstimate& below = rows[i - 1].values[c];
         const double gap = row.coarse[c].mean - below.mean;
         const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
-        const double z =
-            gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
+        const double z = gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
         if (!(std::abs(z) <= std::abs(row.consistency))) row.consistency = z;
       }
       if (!(std::abs(row.consistency) > worst) && !std::isnan(row.consistency)) continue;
@@ -151,10 +147,9 @@ class Conclusion {
       where = row.level;
     }
     if (worst <= 4.5) return;  // NaN does not pass
-    remark(
-        "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
-        "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-        "from it is biased");
+    remark("E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
+           "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
+           "from it is biased");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
@@ -240,8 +235,7 @@ class Conclusion {
     const std::vector<std::size_t>& usable = fits.usable;
     std::optional<RateFit>& g = fits.geometric;
     const std::optional<RateFit>& p = fits.polynomial;
-    if (drowned_ > 0)
-      remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
+    if (drowned_ > 0) remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
     if (!g && !p) g = scattered(usable);
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -309,8 +303,7 @@ class Conclusion {
     for (std::size_t i = usable.size() > 5 ? usable.size() - 5 : 0; i + 1 < usable.size(); ++i) {
       const SurveyRow& a = rows[usable[i]];
       const SurveyRow& b = rows[usable[i + 1]];
-      const double fall =
-          std::log2(a.second_moment / b.second_moment) / static_cast<double>(b.level - a.level);
+      const double fall = std::log2(a.second_moment / b.second_moment) / static_cast<double>(b.level - a.level);
       if (!(fall > 1.03 * last)) return false;
       last = fall;
     }
@@ -331,8 +324,7 @@ class Conclusion {
     const auto quality = [](const std::optional<RateFit>& f) {
       return f ? f->line.chi_square / f->line.degrees : std::numeric_limits<double>::infinity();
     };
-    const bool is_polynomial =
-        p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
+    const bool is_polynomial = p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
     if (decay == Decay::geometric && is_polynomial) {
       survey_.rates.work = {0, 0};  // no power of 2 at all
     } else if (decay == Decay::polynomial && is_polynomial) {
@@ -375,8 +367,8 @@ class Conclusion {
     } else if (excess + error < needless_excess * std::max(r.work.value, 0.0) || excess + error < 0) {
       survey_.law_exists = Answer::no;
       // Some shallow levels that do not decay yet look like no decay at all.
-      const auto fitted = std::count_if(survey_.rows.begin(), survey_.rows.end(),
-                                        [](const SurveyRow& row) { return row.fitted; });
+      const auto fitted =
+          std::count_if(survey_.rows.begin(), survey_.rows.end(), [](const SurveyRow& row) { return row.fitted; });
       if (fitted < fewest_for_no && !survey_.rows.back().fitted) {
         survey_.law_exists = Answer::cannot_tell;
         remark("cannot tell yet whether a law exists: " + std::to_string(fitted) +
@@ -396,8 +388,6 @@ class Conclusion {
 
 }  // namespace
 
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed) {
-  return Conclusion(std::move(rows), seed).draw();
-}
+Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed) { return Conclusion(std::move(rows), seed).draw(); }
 
 }  // namespace debias

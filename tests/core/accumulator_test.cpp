@@ -47,16 +47,14 @@ bool agrees(const Moments& m, std::span<const double> x, double rounding = 1e-13
     return std::abs(static_cast<long double>(got) - exact) <= rounding * scale;
   };
   const auto n = static_cast<long double>(x.size());
-  return m.count == static_cast<std::int64_t>(x.size()) && near(m.mean, e.mean, largest) &&
-         near(m.m2, e.m2, e.m2) && near(m.m3, e.m3, n * std::pow(e.m2 / n, 1.5L) + std::abs(e.m3)) &&
-         near(m.m4, e.m4, e.m4);
+  return m.count == static_cast<std::int64_t>(x.size()) && near(m.mean, e.mean, largest) && near(m.m2, e.m2, e.m2) &&
+         near(m.m3, e.m3, n * std::pow(e.m2 / n, 1.5L) + std::abs(e.m3)) && near(m.m4, e.m4, e.m4);
 }
 
 /// As a run does it: blocks of 256, merged from left to right.
 Moments in_blocks(std::span<const double> x, std::size_t block = 256) {
   Moments m;
-  for (std::size_t i = 0; i < x.size(); i += block)
-    m.merge(Moments::of(x.subspan(i, std::min(block, x.size() - i))));
+  for (std::size_t i = 0; i < x.size(); i += block) m.merge(Moments::of(x.subspan(i, std::min(block, x.size() - i))));
   return m;
 }
 
@@ -107,8 +105,7 @@ TEST_CASE("the comparison above rejects one-pass sums and a value left out", "[c
   CHECK_FALSE(agrees(Moments::of(std::span(y).first(999)), y));
 }
 
-TEST_CASE("equal values have their own value as mean and a variance of exactly 0",
-          "[core][accumulator][exact]") {
+TEST_CASE("equal values have their own value as mean and a variance of exactly 0", "[core][accumulator][exact]") {
   for (const double x : {0.1, -1.0 / 3, 1e9 + 0.1, 1e300, 1e-300, 0x1p-1074, 0.0}) {
     for (const std::size_t n : {1U, 2U, 5U, 13U, 256U, 1000U, 5001U}) {
       const Moments m = in_blocks(std::vector<double>(n, x));
@@ -143,8 +140,7 @@ TEST_CASE("one value that is not finite spoils mean and variance, in one block o
   }
 }
 
-TEST_CASE("merging gives the moments of the concatenation, wherever it is cut",
-          "[core][accumulator][exact]") {
+TEST_CASE("merging gives the moments of the concatenation, wherever it is cut", "[core][accumulator][exact]") {
   const std::vector<double> x = data(5000, heavy);
   for (const std::size_t cut : {0U, 1U, 2U, 100U, 2500U, 4999U, 5000U}) {
     Moments left = Moments::of(std::span(x).first(cut));
@@ -154,8 +150,7 @@ TEST_CASE("merging gives the moments of the concatenation, wherever it is cut",
   CHECK(agrees(in_blocks(x, 1), x));
 }
 
-TEST_CASE("variance, standard error, skewness and kurtosis are those of the textbook",
-          "[core][accumulator][exact]") {
+TEST_CASE("variance, standard error, skewness and kurtosis are those of the textbook", "[core][accumulator][exact]") {
   const Moments m = Moments::of(std::vector<double>{1, 2, 3, 4, 10});
   CHECK(m.mean == 4);
   CHECK(m.variance() == 12.5);  // 9 + 4 + 1 + 0 + 36 over 4
@@ -168,8 +163,7 @@ TEST_CASE("variance, standard error, skewness and kurtosis are those of the text
 
 // ---- components
 
-TEST_CASE("component moments are those of each column, added singly or merged",
-          "[core][accumulator][exact]") {
+TEST_CASE("component moments are those of each column, added singly or merged", "[core][accumulator][exact]") {
   const std::vector<double> re = data(1000, offset);
   const std::vector<double> im = data(1000, skewed);
   ComponentMoments whole;
@@ -192,8 +186,7 @@ TEST_CASE("component moments are those of each column, added singly or merged",
 
 // ---- the level table
 
-TEST_CASE("levels have a row each up to 63 and one an octave beyond, to 2^63 - 1",
-          "[core][accumulator][exact]") {
+TEST_CASE("levels have a row each up to 63 and one an octave beyond, to 2^63 - 1", "[core][accumulator][exact]") {
   constexpr std::int64_t top = std::numeric_limits<std::int64_t>::max();
   constexpr std::int64_t octave = std::int64_t{1} << 62;
   const std::vector<std::pair<std::int64_t, std::size_t>> rows = {
@@ -262,8 +255,7 @@ bool equal_bits(const std::vector<double>& a, const std::vector<double>& b) {
 
 bool same(const Extremes& a, const Extremes& b) {
   return equal_bits(a.upper_tail(), b.upper_tail()) && equal_bits(a.lower_tail(), b.lower_tail()) &&
-         a.largest() == b.largest() && a.nonfinite() == b.nonfinite() &&
-         a.first_nonfinite() == b.first_nonfinite();
+         a.largest() == b.largest() && a.nonfinite() == b.nonfinite() && a.first_nonfinite() == b.first_nonfinite();
 }
 
 }  // namespace
@@ -289,9 +281,8 @@ TEST_CASE("the kept extremes are those of a full sort, ties by index and zeros w
     for (std::size_t i = 0; i < n; ++i) {
       by_magnitude.push_back({first + static_cast<std::int64_t>(i), levels[i], x[i] + 0.0});
     }
-    std::stable_sort(
-        by_magnitude.begin(), by_magnitude.end(),
-        [](const LargeSample& a, const LargeSample& b) { return std::abs(a.value) > std::abs(b.value); });
+    std::stable_sort(by_magnitude.begin(), by_magnitude.end(),
+                     [](const LargeSample& a, const LargeSample& b) { return std::abs(a.value) > std::abs(b.value); });
     by_magnitude.resize(std::min(n, Extremes::largest_capacity));
     CHECK(e.largest() == by_magnitude);
   }

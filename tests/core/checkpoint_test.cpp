@@ -73,7 +73,8 @@ TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte i
   for (std::size_t i = 0; i < chars.size(); i += i < 200 ? 1 : 97) {
     std::vector<char> broken = chars;
     broken[i] = static_cast<char>(broken[i] ^ 0x10);
-    for (const auto& bytes : {broken, std::vector<char>(chars.begin(), chars.begin() + static_cast<std::ptrdiff_t>(i))}) {
+    for (const auto& bytes :
+         {broken, std::vector<char>(chars.begin(), chars.begin() + static_cast<std::ptrdiff_t>(i))}) {
       try {
         if (!parse(bytes).parts.empty()) ++accepted;
       } catch (const std::invalid_argument&) {
@@ -83,7 +84,8 @@ TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte i
   CHECK(accepted == 0);
 }
 
-TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole records before it", "[core][checkpoint][exact]") {
+TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole records before it",
+          "[core][checkpoint][exact]") {
   const std::string path = temporary("checkpoint_cut");
   const Bytes one = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
   const Bytes two = encode(estimate(draw, {.samples = 80, .seed = 5}).state);
@@ -111,7 +113,8 @@ TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole recor
   std::filesystem::remove(path);
 }
 
-TEST_CASE("a longer run that stops in the chunk it has to draw again leaves what was saved", "[core][checkpoint][exact]") {
+TEST_CASE("a longer run that stops in the chunk it has to draw again leaves what was saved",
+          "[core][checkpoint][exact]") {
   for (const auto& [first, samples] : {std::pair<std::int64_t, std::int64_t>{0, 600}, {300, 100}, {300, 900}}) {
     RunState held = estimate(draw, {.samples = samples, .seed = 5, .first = first}).state;
     Plan plan{.samples = 3000, .seed = 5, .first = first, .threads = 1};
@@ -138,7 +141,8 @@ TEST_CASE("a longer run that stops in the chunk it has to draw again leaves what
   }
 }
 
-TEST_CASE("a checkpoint that is deleted comes back, and the file of another run is left alone", "[core][checkpoint][exact]") {
+TEST_CASE("a checkpoint that is deleted comes back, and the file of another run is left alone",
+          "[core][checkpoint][exact]") {
   const std::string path = temporary("checkpoint_lost");
   const Bytes sums = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
   CheckpointWriter writer(path, "one run");

@@ -14,8 +14,8 @@
 
 #include <Eigen/Core>
 
-#include "catch_shim.hpp"
 #include "catalog/bits.hpp"
+#include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/independent_sum.hpp>
@@ -79,8 +79,7 @@ struct Rehearsed {
 };
 
 template <class E>
-auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threads = 2,
-         std::uint64_t seed = 7) {
+auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threads = 2, std::uint64_t seed = 7) {
   return estimate(estimator, {.samples = samples, .seed = seed, .first = first, .threads = threads});
 }
 
@@ -133,8 +132,7 @@ TEST_CASE("array-valued results have the same bits on any number of threads, and
   CHECK((merged.standard_error == whole.standard_error).all());
 }
 
-TEST_CASE("a run that starts inside a chunk has the same bits on any number of threads",
-          "[core][estimate][exact]") {
+TEST_CASE("a run that starts inside a chunk has the same bits on any number of threads", "[core][estimate][exact]") {
   for (const std::int64_t first : {1, 4095, 4096, 1'000'003}) {
     const auto reference = bits_of(run(debiased, first, 20'000, 1));
     CHECK(bits_of(run(debiased, first, 20'000, 7)) == reference);
@@ -150,8 +148,7 @@ TEST_CASE("a sample is the same number in whichever run it lies", "[core][estima
 namespace {
 
 /// All results of merging parts [begin, end) in every order that joins neighbours, either operand first.
-std::vector<Result<double>> all_merges(const std::vector<Result<double>>& parts, std::size_t begin,
-                                       std::size_t end) {
+std::vector<Result<double>> all_merges(const std::vector<Result<double>>& parts, std::size_t begin, std::size_t end) {
   if (end - begin == 1) return {parts[begin]};
   std::vector<Result<double>> results;
   for (std::size_t cut = begin + 1; cut < end; ++cut) {
@@ -176,8 +173,7 @@ TEST_CASE("halves and quarters merge in any order into the bits of the whole", "
                                                        {4096, 8192, 12'288}};
   for (const auto& cut : cuts) {
     std::vector<Result<double>> parts;
-    for (std::size_t i = 0; i + 1 < cut.size(); ++i)
-      parts.push_back(run(debiased, cut[i], cut[i + 1] - cut[i]));
+    for (std::size_t i = 0; i + 1 < cut.size(); ++i) parts.push_back(run(debiased, cut[i], cut[i + 1] - cut[i]));
     const auto whole = run(debiased, cut.front(), cut.back() - cut.front());
     const auto merges = all_merges(parts, 0, parts.size());
     CHECK(merges.size() == (parts.size() == 2 ? 2U : 40U));
@@ -239,8 +235,7 @@ void check_replay(const E& estimator, const Weight& weight) {
     REQUIRE(work == replayed.sample.work);
     REQUIRE(replayed.levels.back().level == large.level);
   }
-  CHECK(std::abs(result.largest.front().value) ==
-        std::max(result.upper_tail.front(), -result.lower_tail.front()));
+  CHECK(std::abs(result.largest.front().value) == std::max(result.upper_tail.front(), -result.lower_tail.front()));
 }
 
 }  // namespace
@@ -249,8 +244,7 @@ TEST_CASE("trace gives each of the largest samples again, and its levels sum up 
           "[core][estimate][exact]") {
   const Geometric law(0.6);
   check_replay(debiased, [&law](std::int64_t level) { return 1 / law.mass(level - 1); });
-  check_replay(independent_sum(squared_mean, law),
-               [&law](std::int64_t level) { return 1 / law.tail(level); });
+  check_replay(independent_sum(squared_mean, law), [&law](std::int64_t level) { return 1 / law.tail(level); });
   check_replay(roulette(NoisyHalves{}, law, {.base_level = 2}),
                [&law](std::int64_t level) { return 1 / law.tail(level - 2); });
 }
@@ -318,11 +312,8 @@ TEST_CASE("a sample of another shape is an error, not a mean over what there is"
 }
 
 TEST_CASE("samples that are not finite are counted, named and never skipped", "[core][estimate][exact]") {
-  for (const double bad :
-       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-    const auto broken = [bad](Stream& rng) {
-      return rng.index() == 70 || rng.index() == 9000 ? bad : rng.uniform();
-    };
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    const auto broken = [bad](Stream& rng) { return rng.index() == 70 || rng.index() == 9000 ? bad : rng.uniform(); };
     for (const std::int64_t n : {100, 10'000}) {
       const auto result = run(broken, 0, n);
       CHECK(std::isnan(result.mean));
@@ -343,8 +334,7 @@ TEST_CASE("samples that are not finite are counted, named and never skipped", "[
 
 TEST_CASE("one bad component of an array makes the sample not finite", "[core][estimate][exact]") {
   const auto broken = [](Stream& rng) {
-    return std::complex<double>(rng.uniform(),
-                                rng.index() == 12 ? std::numeric_limits<double>::infinity() : 1);
+    return std::complex<double>(rng.uniform(), rng.index() == 12 ? std::numeric_limits<double>::infinity() : 1);
   };
   const auto result = run(broken, 0, 100);
   CHECK(result.nonfinite == 1);
@@ -422,8 +412,7 @@ TEST_CASE("what is asked for is what is run", "[core][estimate][exact]") {
   CHECK(result.standard_error == Approx(std::sqrt(variance / 5000)));
 }
 
-TEST_CASE("the interval is the mean plus and minus a quantile of standard errors",
-          "[core][estimate][exact]") {
+TEST_CASE("the interval is the mean plus and minus a quantile of standard errors", "[core][estimate][exact]") {
   const auto result = run(debiased, 0, 5000);
   const Interval i = result.interval();
   const double t_4999 = 1.960438646661524;  // of Student's law; the normal one has 1.95996
@@ -442,13 +431,11 @@ TEST_CASE("the interval is the mean plus and minus a quantile of standard errors
 
 // ---- doubt
 
-TEST_CASE("a sample that carries the variance brings a warning, and a light tail none",
-          "[core][estimate][exact]") {
+TEST_CASE("a sample that carries the variance brings a warning, and a light tail none", "[core][estimate][exact]") {
   const auto spiked = [](Stream& rng) { return rng.index() == 77 ? 1000.0 : rng.uniform(); };
   const auto dominated = run(spiked, 0, 10'000);
   REQUIRE(dominated.warnings.size() == 1);
-  CHECK_THAT(dominated.warnings[0],
-             Catch::Contains("one sample carries 100 %") && Catch::Contains("sample 77"));
+  CHECK_THAT(dominated.warnings[0], Catch::Contains("one sample carries 100 %") && Catch::Contains("sample 77"));
 
   const auto heavy = [](Stream& rng) { return std::pow(rng.uniform(), -0.49); };  // no fourth moment
   const auto uncertain = run(heavy, 0, 200);
@@ -479,8 +466,7 @@ TEST_CASE("a constant has no error, and infinite efficiency", "[core][estimate][
 
 // ---- in print
 
-TEST_CASE("the mean prints with two digits of its error, counted in its last two digits",
-          "[core][result][exact]") {
+TEST_CASE("the mean prints with two digits of its error, counted in its last two digits", "[core][result][exact]") {
   CHECK(with_error(0.750031, 0.000124) == "0.75003(12)");
   CHECK(with_error(-0.750036, 0.000126) == "-0.75004(13)");
   CHECK(with_error(3.14159265, 1e-7) == "3.14159265(10)");
@@ -505,8 +491,7 @@ TEST_CASE("the mean prints with two digits of its error, counted in its last two
   CHECK(with_error(1, std::numeric_limits<double>::quiet_NaN()) == "1 +- nan");
 }
 
-TEST_CASE("a result prints mean, interval, samples, work, time, efficiency and its warnings",
-          "[core][result][exact]") {
+TEST_CASE("a result prints mean, interval, samples, work, time, efficiency and its warnings", "[core][result][exact]") {
   Statistics s;
   s.estimator = "single_term, geometric:r=0.6, base level 0";
   s.seed = 7;

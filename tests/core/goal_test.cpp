@@ -18,8 +18,7 @@ double constant(Stream&) { return 2; }
 
 }  // namespace
 
-TEST_CASE("a goal for the error is met by as many samples as it takes and not many more",
-          "[core][goal][statistical]") {
+TEST_CASE("a goal for the error is met by as many samples as it takes and not many more", "[core][goal][statistical]") {
   for (const double error : {0.05, 0.01, 0.002}) {
     const auto r = estimate(exponential, {.seed = 3, .goal = {.error = error}});
     CAPTURE(error, r.samples);
@@ -29,8 +28,8 @@ TEST_CASE("a goal for the error is met by as many samples as it takes and not ma
     CHECK(static_cast<double>(r.samples) < 1.35 * least);
     CHECK(std::abs(r.mean - 1) < 4.5 * r.standard_error);
   }
-  const auto relative = estimate([](Stream& rng) { return 10 * rng.exponential(); },
-                                 {.seed = 3, .goal = {.relative_error = 0.01}});
+  const auto relative =
+      estimate([](Stream& rng) { return 10 * rng.exponential(); }, {.seed = 3, .goal = {.relative_error = 0.01}});
   CHECK(relative.goal_met());
   CHECK(relative.standard_error > 0.085);
 }
@@ -68,7 +67,6 @@ TEST_CASE("a goal of seconds, of no variance, and goals that cannot be", "[core]
   CHECK(text.str().find("0.2 seconds") != text.str().npos);
   CHECK(estimate(constant, {.goal = {.error = 0.1}}).goal_met());
   CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = -0.1}}), Catch::Contains("error = -0.1"));
-  CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 0.1, .seconds = 1}}),
-                    Catch::Contains("more than one"));
+  CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 0.1, .seconds = 1}}), Catch::Contains("more than one"));
   CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 1e-15}}), Catch::Contains("64 bits"));
 }

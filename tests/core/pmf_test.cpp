@@ -120,8 +120,7 @@ TEST_CASE("A tail is inverted from any guess", "[core][exact]") {
   }
 }
 
-TEST_CASE("A weight of a probability that underflowed is refused with level and probability",
-          "[core][exact]") {
+TEST_CASE("A weight of a probability that underflowed is refused with level and probability", "[core][exact]") {
   constexpr double smallest = std::numeric_limits<double>::min();
   CHECK(debias::inverse_weight(0.25, 3) == 4.0);
   CHECK(std::isfinite(debias::inverse_weight(smallest, 1022)));

@@ -20,16 +20,13 @@ bool in_range(const Rates& rates, double rho) {
   return range.low < rho && rho < range.high;
 }
 
-bool fourth_moment_is_finite(const Rates& r, double rho) {
-  return summable(2 * r.variance - 3 * rho, r.decay);
-}
+bool fourth_moment_is_finite(const Rates& r, double rho) { return summable(2 * r.variance - 3 * rho, r.decay); }
 
 bool near(double a, double b) { return std::abs(a - b) < 1e-12; }
 
 }  // namespace
 
-TEST_CASE("the range of exponents is where variance and work are both sums that converge",
-          "[core][rates][exact]") {
+TEST_CASE("the range of exponents is where variance and work are both sums that converge", "[core][rates][exact]") {
   int inside = 0;
   for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
     for (const double variance : {0.5, 1.0, 2.0, 4.0, 6.5}) {
@@ -60,16 +57,16 @@ TEST_CASE("no law exists at the border, where variance and work rates meet", "[c
     default_exponent({1, 1.5});
     FAIL("no law has both");
   } catch (const std::invalid_argument& e) {
-    CHECK_THAT(e.what(), Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") &&
-                             Catch::Contains("no law has both"));
+    CHECK_THAT(e.what(),
+               Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") && Catch::Contains("no law has both"));
   }
 }
 
 TEST_CASE("the default exponent lies inside, and keeps the fourth moment where that is possible",
           "[core][rates][exact]") {
   CHECK(near(default_exponent({2, 1}), 7.0 / 6));  // work 1, fourth moment 4/3, tail index 1/7
-  CHECK(near(default_exponent({4, 0}), 2));       // the best, (beta + gamma) / 2, is below 8/3
-  CHECK(near(default_exponent({1.5, 1}), 1.25));  // the fourth moment is out of reach: the best
+  CHECK(near(default_exponent({4, 0}), 2));        // the best, (beta + gamma) / 2, is below 8/3
+  CHECK(near(default_exponent({1.5, 1}), 1.25));   // the fourth moment is out of reach: the best
   CHECK(near(default_exponent({forever, 1}), 2));
   for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
     for (const double work : {0.0, 0.5, 1.0, 2.0}) {

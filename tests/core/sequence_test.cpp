@@ -58,8 +58,7 @@ TEST_CASE("a const callable of level and stream that returns a Draw is a sequenc
   STATIC_REQUIRE(std::same_as<sequence_value_t<Halves>, double>);
 }
 
-TEST_CASE("a mutable callable, or one that returns something else, is no sequence",
-          "[core][sequence][compile]") {
+TEST_CASE("a mutable callable, or one that returns something else, is no sequence", "[core][sequence][compile]") {
   auto counting = [n = 0](std::int64_t, Stream&) mutable { return base(static_cast<double>(++n)); };
   auto number = [](std::int64_t, Stream&) { return 1.0; };
   auto no_stream = [](std::int64_t) { return base(1.0); };
@@ -68,17 +67,14 @@ TEST_CASE("a mutable callable, or one that returns something else, is no sequenc
   STATIC_REQUIRE_FALSE(BiasedSequence<decltype(number)>);
   STATIC_REQUIRE_FALSE(BiasedSequence<decltype(no_stream)>);
   STATIC_REQUIRE(BiasedSequence<decltype(by_value)>);
-  auto counting_terms = [n = 0](Stream&) mutable {
-    return [m = ++n] { return Term<double>{static_cast<double>(m)}; };
-  };
+  auto counting_terms = [n = 0](Stream&) mutable { return [m = ++n] { return Term<double>{static_cast<double>(m)}; }; };
   STATIC_REQUIRE_FALSE(TermSequence<decltype(counting_terms)>);
   STATIC_REQUIRE(TermSequence<Halves>);
   STATIC_REQUIRE_FALSE(TermSequence<Plain>);
   STATIC_REQUIRE_FALSE(BiasedSequence<Halves>);
 }
 
-TEST_CASE("a random variable is a const callable of a stream that returns a value",
-          "[core][sequence][compile]") {
+TEST_CASE("a random variable is a const callable of a stream that returns a value", "[core][sequence][compile]") {
   const auto x = [](Stream& rng) { return rng.uniform(); };
   auto counting = [n = 0](Stream&) mutable { return static_cast<double>(++n); };
   const auto integer = [](Stream&) { return 1; };

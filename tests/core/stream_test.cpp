@@ -50,13 +50,11 @@ TEST_CASE("philox2x64-10 gives the published known answers", "[core][stream][exa
         std::array<std::uint64_t, 2>{0x0a5e742c2997341c, 0xb0f883d38000de5d});
 }
 
-TEST_CASE("a stream is philox with the counter (position / 2, index) and the seed as key",
-          "[core][stream][exact]") {
+TEST_CASE("a stream is philox with the counter (position / 2, index) and the seed as key", "[core][stream][exact]") {
   Stream zero(0, 0);
   CHECK(zero.bits() == 0xca00a0459843d731);
   CHECK(zero.bits() == 0x66c24222c9a845b5);
-  for (const std::uint64_t seed :
-       {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{0xa4093822299f31d0}, ones}) {
+  for (const std::uint64_t seed : {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{0xa4093822299f31d0}, ones}) {
     for (const std::uint64_t index : {std::uint64_t{0}, std::uint64_t{7}, std::uint64_t{1} << 40, ones}) {
       Stream rng(seed, index);
       CHECK(rng.index() == index);
@@ -99,8 +97,7 @@ TEST_CASE("layout version 1: seed 1, index 0 gives these numbers for ever", "[co
   };
   const Stream root(1, 0);
   check_bits(root.split(7), {0x4c43d1729ea621bc, 0x34e35f3d8a5674a0, 0xfb96b15844c5a0ba, 0xdf98c6599ec51beb});
-  check_bits(split_level(root, 7),
-             {0x4c43d1729ea621bc, 0x34e35f3d8a5674a0, 0xfb96b15844c5a0ba, 0xdf98c6599ec51beb});
+  check_bits(split_level(root, 7), {0x4c43d1729ea621bc, 0x34e35f3d8a5674a0, 0xfb96b15844c5a0ba, 0xdf98c6599ec51beb});
   check_bits(split(root, Branch::law),
              {0x658474cc1ebb1bef, 0xf49b9f1d9bfea250, 0xdfc2e19092fcc406, 0xf9001175bf41b4cd});
   check_bits(split(Stream(1, 5).split(7), Branch::law),
@@ -122,8 +119,7 @@ TEST_CASE("fill gives the numbers of as many calls, from odd and even positions"
   }
 }
 
-TEST_CASE("a copy draws the same numbers, and a split does not depend on the position",
-          "[core][stream][exact]") {
+TEST_CASE("a copy draws the same numbers, and a split does not depend on the position", "[core][stream][exact]") {
   Stream rng(5, 2);
   Stream child = rng.split(4);
   const std::vector<double> of_child = uniforms(child, 5);
@@ -137,10 +133,8 @@ TEST_CASE("a copy draws the same numbers, and a split does not depend on the pos
   CHECK(uniforms(child.split(4), 5) != of_child);
 }
 
-TEST_CASE("no branch gives the numbers of its parent or of another branch, seed 0 included",
-          "[core][stream][exact]") {
-  constexpr std::array<std::uint64_t, 8> branches = {0,        1,        2,   63, std::uint64_t{1} << 62,
-                                                     ones - 2, ones - 1, ones};
+TEST_CASE("no branch gives the numbers of its parent or of another branch, seed 0 included", "[core][stream][exact]") {
+  constexpr std::array<std::uint64_t, 8> branches = {0, 1, 2, 63, std::uint64_t{1} << 62, ones - 2, ones - 1, ones};
   std::vector<std::uint64_t> first;
   for (std::uint64_t seed = 0; seed < 4; ++seed) {
     Stream root(seed, 0);
@@ -158,9 +152,7 @@ TEST_CASE("no branch gives the numbers of its parent or of another branch, seed 
 
 TEST_CASE("a uniform is an odd multiple of 2^-53 inside (0, 1), whatever the bits", "[core][stream][exact]") {
   // The formula of the header at its extremes: all bits zero, all bits one.
-  constexpr auto formula = [](std::uint64_t bits) {
-    return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52;
-  };
+  constexpr auto formula = [](std::uint64_t bits) { return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52; };
   STATIC_REQUIRE(formula(0) == 0x1p-53);
   STATIC_REQUIRE(formula(ones) == 1 - 0x1p-53);
   Stream rng(11, 0);
@@ -257,8 +249,7 @@ double neighbour_correlation(const MakeStream& make) {
 
 }  // namespace
 
-TEST_CASE("uniforms are uniform: Kolmogorov-Smirnov and chi-square over a million",
-          "[core][stream][statistical]") {
+TEST_CASE("uniforms are uniform: Kolmogorov-Smirnov and chi-square over a million", "[core][stream][statistical]") {
   constexpr std::size_t n = 1'000'000;
   const std::vector<double> along = uniforms(Stream(2, 0), n);
   std::vector<double> across;  // the first number of each sample
@@ -277,11 +268,9 @@ TEST_CASE("256 neighbouring samples, seeds and branches are uncorrelated", "[cor
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(1, i); }) < z_of_family);
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(i, 0); }) < z_of_family);
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(1, 0).split(i); }) < z_of_family);
-  CHECK(neighbour_correlation([](std::uint64_t i) { return split(Stream(i, 0), Branch::law); }) <
-        z_of_family);
+  CHECK(neighbour_correlation([](std::uint64_t i) { return split(Stream(i, 0), Branch::law); }) < z_of_family);
   // Power: one pair of equal neighbours in 256, and a family one step along one stream.
-  CHECK_FALSE(neighbour_correlation([](std::uint64_t i) { return Stream(1, i == 100 ? 99 : i); }) <
-              z_of_family);
+  CHECK_FALSE(neighbour_correlation([](std::uint64_t i) { return Stream(1, i == 100 ? 99 : i); }) < z_of_family);
   CHECK_FALSE(neighbour_correlation([](std::uint64_t i) {
                 Stream rng(1, 0);
                 for (std::uint64_t k = 0; k < i; ++k) rng.bits();

@@ -84,8 +84,7 @@ std::vector<Family> families() {
       {"single term, beta = 2", true, 2, single(2, one)},
       {"generalised Pareto", false, 0,
        [](double xi, Stream& rng) { return std::expm1(-xi * std::log(rng.uniform())) / xi; }},
-      {"single term x exponential, beta = 0.5", false, 0.5,
-       single(0.5, [](Stream& rng) { return rng.exponential(); })},
+      {"single term x exponential, beta = 0.5", false, 0.5, single(0.5, [](Stream& rng) { return rng.exponential(); })},
       {"single term x normal squared, beta = 1", false, 1,
        single(1,
               [](Stream& rng) {
@@ -159,12 +158,9 @@ TEST_CASE("on continuous numbers k is the pareto_k of loo::psis, prior, tail siz
     double xi, shift, k;
   };
   const std::vector<Reference> all = {
-      {400, 0.2, 58.342857142857149, 0.22772981676097251},
-      {400, 0.6, 58.742857142857147, 0.55442194114228349},
-      {2500, 0.2, 358.34285714285716, 0.21372740301521037},
-      {2500, 0.6, 358.74285714285719, 0.57064884930171278},
-      {10000, 0.2, 1429.7714285714287, 0.2155463479055893},
-      {10000, 0.6, 1430.1714285714286, 0.60114850622279736},
+      {400, 0.2, 58.342857142857149, 0.22772981676097251},  {400, 0.6, 58.742857142857147, 0.55442194114228349},
+      {2500, 0.2, 358.34285714285716, 0.21372740301521037}, {2500, 0.6, 358.74285714285719, 0.57064884930171278},
+      {10000, 0.2, 1429.7714285714287, 0.2155463479055893}, {10000, 0.6, 1430.1714285714286, 0.60114850622279736},
   };
   for (const Reference& r : all) {
     const TailIndex index = index_of(quantiles(r.n, r.xi, r.shift));

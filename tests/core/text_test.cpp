@@ -37,16 +37,14 @@ TEST_CASE("Decimal numbers are read whole, and nothing else is", "[core][exact]"
   CHECK(parse_double("0.6", "r") == 0.6);
   CHECK(parse_double("-1e-3", "r") == -1e-3);
   CHECK(parse_double("5e-324", "r") == std::numeric_limits<double>::denorm_min());
-  for (const char* text :
-       {"",   " ",  "nan", "NaN", "inf",   "-inf", "infinity", "0x10", "0x1p3", "1e999", "1e-999",
-        "+1", " 1", "1 ",  "1,5", "1.5.2", "1e",   "e5",       "--1",  "1f",    "1_000", "."}) {
+  for (const char* text : {"",   " ",  "nan", "NaN", "inf",   "-inf", "infinity", "0x10", "0x1p3", "1e999", "1e-999",
+                           "+1", " 1", "1 ",  "1,5", "1.5.2", "1e",   "e5",       "--1",  "1f",    "1_000", "."}) {
     CAPTURE(text);
     CHECK_THROWS_AS(parse_double(text, "r"), std::invalid_argument);
   }
   CHECK_THROWS_AS(parse_double(std::string_view("1\0", 2), "r"), std::invalid_argument);
-  CHECK_THROWS_WITH(
-      parse_double("0.5z", "geometric: r"),
-      "geometric: r = '0.5z' ('z' follows the number); write a decimal number such as 0.5 or 1e-3");
+  CHECK_THROWS_WITH(parse_double("0.5z", "geometric: r"),
+                    "geometric: r = '0.5z' ('z' follows the number); write a decimal number such as 0.5 or 1e-3");
 }
 
 TEST_CASE("The nearest name is found through a typing error, and only then", "[core][exact]") {

@@ -72,8 +72,7 @@ namespace {
 /// `shape` with the components 1 u, 2 u, 3 u, ...
 template <Value V>
 V filled(V shape, double u) {
-  for (std::size_t i = 0; i < component_count(shape); ++i)
-    set_component(shape, i, static_cast<double>(i + 1) * u);
+  for (std::size_t i = 0; i < component_count(shape); ++i) set_component(shape, i, static_cast<double>(i + 1) * u);
   return shape;
 }
 
@@ -110,8 +109,7 @@ Failures estimate_of(const V& shape, double claimed_step = 1) {
     require(std::abs(error - exact.standard_error()) <= rounding * error, "standard error of the samples", c);
     require(std::abs(mean - step / 2) <= 4.5 * error, "unbiased", c);
     const double exact_error = step / std::sqrt(12 * static_cast<double>(plan.samples));
-    require(std::abs(error / exact_error - 1) <= 4.5 * std::sqrt(0.8 / 4 / 1e4), "standard error of the law",
-            c);
+    require(std::abs(error / exact_error - 1) <= 4.5 * std::sqrt(0.8 / 4 / 1e4), "standard error of the law", c);
   }
   if (result.components.size() != n) failures.emplace_back("as many component estimates as components");
   return failures;
@@ -128,9 +126,8 @@ using plus_t = decltype(std::declval<const A&>() + std::declval<const A&>());
 
 }  // namespace
 
-TEST_CASE(
-    "real, complex, array and user-defined values keep the laws and are estimated component by component",
-    "[core][value][law]") {
+TEST_CASE("real, complex, array and user-defined values keep the laws and are estimated component by component",
+          "[core][value][law]") {
   check_value(0.0);
   check_value(0.0F);
   check_value(std::complex<double>{});

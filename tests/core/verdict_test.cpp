@@ -55,8 +55,8 @@ Statistics statistics_of(const Table& t) {
     if (count == 0) break;
     const double shape = fall(t.beta, t.polynomial ? k + 1 : k) * std::pow(k, -t.power);
     const double second = k < t.zero_from ? shape : 0;
-    s.levels.push_back({k, k, false, count, 0, second, t.kurtosis * second * second, 1.0 * k,
-                        k < t.probability_until ? p : 0});
+    s.levels.push_back(
+        {k, k, false, count, 0, second, t.kurtosis * second * second, 1.0 * k, k < t.probability_until ? p : 0});
   }
   return s;
 }
@@ -78,15 +78,15 @@ struct Tally {
 };
 
 std::ostream& operator<<(std::ostream& out, const Tally& t) {
-  return out << t.cases << " cases, " << t.runs << " runs: wrong " << t.wrong << ", wrong by far "
-             << t.wrong_by_far << ", undecided " << t.undecided << " of " << t.far
-             << " at least 0.2 away, light flagged " << t.light_flagged << " of " << t.light;
+  return out << t.cases << " cases, " << t.runs << " runs: wrong " << t.wrong << ", wrong by far " << t.wrong_by_far
+             << ", undecided " << t.undecided << " of " << t.far << " at least 0.2 away, light flagged "
+             << t.light_flagged << " of " << t.light;
 }
 
 using Rule = std::function<Finiteness(const Statistics&)>;
 
-std::vector<Tally> tally(const std::vector<LabelledCase>& cases, const std::vector<Rule>& rules,
-                         std::int64_t samples, int seeds) {
+std::vector<Tally> tally(const std::vector<LabelledCase>& cases, const std::vector<Rule>& rules, std::int64_t samples,
+                         int seeds) {
   std::vector<Tally> tallies(rules.size());
   for (const LabelledCase& c : cases) {
     const bool far = std::abs(c.index - 0.5) > 0.2 - 1e-9;
@@ -178,8 +178,7 @@ std::string check_coverage(const std::vector<LabelledCase>& cases) {
 TEST_CASE("the index is that of the levels, with beta and rho", "[verdict][exact]") {
   for (const double xi : {0.1, 0.3, 0.6, 0.8}) {
     for (const double beta : {0.5, 2.0, 4.0}) {
-      const LevelEvidence e =
-          evidence({.beta = beta, .rho = beta / (2 * (1 - xi)), .kurtosis = 1, .samples = 1e9});
+      const LevelEvidence e = evidence({.beta = beta, .rho = beta / (2 * (1 - xi)), .kurtosis = 1, .samples = 1e9});
       CAPTURE(xi, beta, e.votes);
       REQUIRE(e.available);
       CHECK(std::abs(e.tail_index - xi) < 0.005);
@@ -198,8 +197,7 @@ TEST_CASE("power laws count levels as powers", "[verdict][exact]") {
   CHECK(light.polynomial);
   CHECK(std::abs(light.tail_index) < 0.05);
   CHECK(verdict({.beta = 4, .rho = 2, .kurtosis = 1, .polynomial = true}).variance == Finiteness::finite);
-  const LevelEvidence heavy =
-      evidence({.beta = 4, .rho = 4, .kurtosis = 1, .samples = 1e8, .polynomial = true});
+  const LevelEvidence heavy = evidence({.beta = 4, .rho = 4, .kurtosis = 1, .samples = 1e8, .polynomial = true});
   CHECK(std::abs(heavy.tail_index - 2.0 / 3) < 0.05);
   CHECK(verdict({.beta = 4, .rho = 4, .kurtosis = 1, .samples = 1e8, .polynomial = true}).variance ==
         Finiteness::infinite);
@@ -260,14 +258,12 @@ TEST_CASE("rows without a probability do not vote", "[verdict][exact]") {
 TEST_CASE("every sentence has its number, threshold, consequence and advice", "[verdict][exact]") {
   const auto first = [](const Table& t) { return verdict(t).sentences().front(); };
   CHECK_THAT(first({.beta = 2, .rho = 1.2}), Catch::Contains("variance finite: tail index 0.17") &&
-                                                 Catch::Contains("threshold 0.5") &&
-                                                 Catch::Contains("levels 1 ... "));
+                                                 Catch::Contains("threshold 0.5") && Catch::Contains("levels 1 ... "));
   CHECK_THAT(first({.beta = 2, .rho = 3.5, .samples = 1e8}),
              Catch::Contains("variance INFINITE: tail index 0.7") && Catch::Contains("threshold 0.5") &&
                  Catch::Contains("standard error is too small") && Catch::Contains("exponent below 2.0"));
   CHECK_THAT(first({.beta = 2, .rho = 2}), Catch::Contains("variance undecided") &&
-                                               Catch::Contains("not to be trusted") &&
-                                               Catch::Contains("samples"));
+                                               Catch::Contains("not to be trusted") && Catch::Contains("samples"));
   for (const std::string& sentence : verdict({.beta = 2, .rho = 3.5, .samples = 1e8}).sentences()) {
     CHECK(sentence.back() == '.');
     CHECK(sentence.find('\n') == std::string::npos);
@@ -340,9 +336,7 @@ TEST_CASE("where there is nothing to judge the verdict is undecided", "[verdict]
       },
       Geometric(0.6));
   CHECK(undecided(estimate(estimator, {.samples = 1}).verdict()));
-  const auto nan_at = [](double bad) {
-    return [bad](Stream& rng) { return rng.index() == 77 ? bad : rng.uniform(); };
-  };
+  const auto nan_at = [](double bad) { return [bad](Stream& rng) { return rng.index() == 77 ? bad : rng.uniform(); }; };
   CHECK(undecided(estimate(nan_at(std::nan("")), {.samples = 1000}).verdict()));
   CHECK(undecided(estimate(nan_at(forever), {.samples = 1000}).verdict()));
   CHECK(undecided(estimate(nan_at(1e200), {.samples = 1000}).verdict()));  // its square overflows
@@ -359,8 +353,7 @@ TEST_CASE("where there is nothing to judge the verdict is undecided", "[verdict]
 
 TEST_CASE("merged results have the verdict of one run", "[verdict]") {
   const auto estimator = single_term(
-      series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); }, geometric_terms(0.5)),
-      Geometric(0.9));
+      series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); }, geometric_terms(0.5)), Geometric(0.9));
   const auto whole = estimate(estimator, {.samples = 4 * 4096, .seed = 3});
   const auto half_a = estimate(estimator, {.samples = 2 * 4096, .seed = 3});
   const auto half_b = estimate(estimator, {.samples = 2 * 4096, .seed = 3, .first = 2 * 4096});
@@ -374,8 +367,7 @@ TEST_CASE("merged results have the verdict of one run", "[verdict]") {
 
 TEST_CASE("runs with known answers: hardly ever wrong, seldom undecided, calm on light tails",
           "[verdict][statistical][stat]") {
-  const std::vector<Tally> t =
-      tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 10'000, 50);
+  const std::vector<Tally> t = tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 10'000, 50);
   CAPTURE(t[0], t[1], t[2]);
   REQUIRE(t[0].cases >= 40);
   CHECK(trustworthy(t[0]));
@@ -395,8 +387,7 @@ TEST_CASE("problems that the rule was not built on: hardly ever wrong", "[verdic
 }
 
 TEST_CASE("runs of a million samples with known answers", "[.long][verdict]") {
-  const std::vector<Tally> t =
-      tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 1'000'000, 50);
+  const std::vector<Tally> t = tally(test::labelled_cases(), {by_verdict, by_plain_k, by_kurtosis}, 1'000'000, 50);
   WARN("verdict " << t[0] << "\nplain k " << t[1] << "\nkurtosis " << t[2]);
   CHECK(trustworthy(t[0]));
   CHECK(decisive(t[0]));
@@ -407,8 +398,7 @@ TEST_CASE("intervals cover where the fourth moment is finite", "[verdict][statis
   check_coverage({{"D01", 0.2, catalog::Method::roulette}, {"C01", 0.2}});
 }
 
-TEST_CASE("where the variance is infinite the verdict knows the intervals that miss",
-          "[verdict][statistical][stat]") {
+TEST_CASE("where the variance is infinite the verdict knows the intervals that miss", "[verdict][statistical][stat]") {
   check_coverage({{"D14", 0.68, catalog::Method::roulette}, {"B18", 0.7}});
 }
 

@@ -73,11 +73,10 @@ TEST_CASE("the laws reject independent sums that are scaled, off by one in their
   check(Comb{});
 }
 
-TEST_CASE("the variance of the independent sum is sum nu_k / P(J >= k - m) - I^2",
-          "[independent_sum][statistical]") {
+TEST_CASE("the variance of the independent sum is sum nu_k / P(J >= k - m) - I^2", "[independent_sum][statistical]") {
   // nu_k = Var D_k + (I - E I_(k-1))^2 - (I - E I_k)^2; the base stands for every level up to its own.
-  const auto exact = [](std::int64_t m, double truth, double base_variance, const auto& mean,
-                        const auto& variance, const Geometric& p) {
+  const auto exact = [](std::int64_t m, double truth, double base_variance, const auto& mean, const auto& variance,
+                        const Geometric& p) {
     const auto gap = [&](std::int64_t k) { return (truth - mean(k)) * (truth - mean(k)); };
     double sum = base_variance - gap(m);
     for (std::int64_t k = m + 1; k < m + 400; ++k) sum += (variance(k) + gap(k - 1) - gap(k)) / p.tail(k - m);
@@ -100,13 +99,11 @@ TEST_CASE("the variance of the independent sum is sum nu_k / P(J >= k - m) - I^2
     };
     const double base_variance = SquaredMean::value_variance(m);
     CHECK(has_variance(on_square, exact(m, 1, base_variance, SquaredMean::value_mean, variance, p)));
-    CHECK_FALSE(
-        has_variance(on_square, exact(m, 1, 0.5 * base_variance, SquaredMean::value_mean, variance, p)));
+    CHECK_FALSE(has_variance(on_square, exact(m, 1, 0.5 * base_variance, SquaredMean::value_mean, variance, p)));
   }
 }
 
-TEST_CASE("the work of the independent sum is the base and sum work P(J >= k - m)",
-          "[independent_sum][statistical]") {
+TEST_CASE("the work of the independent sum is the base and sum work P(J >= k - m)", "[independent_sum][statistical]") {
   for (const std::int64_t m : {0, 3}) {
     const auto e = independent_sum(GeometricSeries{}, Geometric(0.5), {.base_level = m});
     std::vector<double> work;

@@ -29,8 +29,7 @@ TEST_CASE("progressive is unbiased and honest, its bases shared or not", "[progr
   CHECK(estimator_laws(progressive(Comb{}, law, schedule), Comb{}.truth()) == Failures{});
 }
 
-TEST_CASE("progressive is unbiased at every index: in every group of one base level",
-          "[progressive][statistical]") {
+TEST_CASE("progressive is unbiased at every index: in every group of one base level", "[progressive][statistical]") {
   const auto e = progressive(SquaredMean{}, law, schedule);
   for (std::int64_t m = 1; m < 5; ++m) {
     const std::int64_t first = schedule.first_index(m);

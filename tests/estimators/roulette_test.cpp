@@ -44,11 +44,9 @@ TEST_CASE("roulette is unbiased and honest on series with noise, without, and wi
   check_everywhere(SteadyTerms{});
 }
 
-TEST_CASE("roulette takes the law of the declared rates, and refuses a negative base level",
-          "[roulette][exact]") {
+TEST_CASE("roulette takes the law of the declared rates, and refuses a negative base level", "[roulette][exact]") {
   CHECK(roulette(RatedTerms{}).law().tail_exponent().exponent == Approx(RatedTerms::rates.variance / 2));
-  CHECK(roulette(RatedTerms{}, law, {.base_level = 2}).describe() ==
-        "roulette, geometric:r=0.55, base level 2");
+  CHECK(roulette(RatedTerms{}, law, {.base_level = 2}).describe() == "roulette, geometric:r=0.55, base level 2");
   CHECK_THROWS_WITH(roulette(RatedTerms{}, law, {.base_level = -1}),
                     Catch::Contains("base_level = -1") && Catch::Contains("roulette"));
 }

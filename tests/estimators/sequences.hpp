@@ -109,14 +109,12 @@ struct Comb {
   /// exp(-S) over the points (offset + r + i stride) / n of one residue r.
   static double residue(double offset, std::int64_t n, std::int64_t stride, std::int64_t r) {
     double sum = 0;
-    for (std::int64_t i = r; i < n; i += stride)
-      sum += 2 * (offset + static_cast<double>(i)) / static_cast<double>(n);
+    for (std::int64_t i = r; i < n; i += stride) sum += 2 * (offset + static_cast<double>(i)) / static_cast<double>(n);
     return std::exp(-sum * static_cast<double>(stride) / static_cast<double>(n));
   }
   static double transmittance(double offset, std::int64_t n, std::int64_t stride) {
     double average = 0;
-    for (std::int64_t r = 0; r < stride; ++r)
-      average += residue(offset, n, stride, r) / static_cast<double>(stride);
+    for (std::int64_t r = 0; r < stride; ++r) average += residue(offset, n, stride, r) / static_cast<double>(stride);
     return average;
   }
   static double difference(double offset, std::int64_t n) {

@@ -31,8 +31,7 @@ void check_everywhere(const S& sequence) {
   for (const std::int64_t m : {0, 1, 3}) {
     for (const Base how : {Base::always, Base::drawn}) {
       CAPTURE(m, how == Base::drawn);
-      CHECK(estimator_laws(single_term(sequence, law, {.base_level = m, .base = how}), sequence.truth()) ==
-            Failures{});
+      CHECK(estimator_laws(single_term(sequence, law, {.base_level = m, .base = how}), sequence.truth()) == Failures{});
     }
   }
 }
@@ -55,8 +54,7 @@ TEST_CASE("single_term is unbiased and honest where the differences are zero", "
   check_everywhere(Steady{});
 }
 
-TEST_CASE("single_term is unbiased and honest on a noisy square of a mean",
-          "[single_term][statistical][stat]") {
+TEST_CASE("single_term is unbiased and honest on a noisy square of a mean", "[single_term][statistical][stat]") {
   check_everywhere(SquaredMean{});
 }
 
@@ -113,8 +111,7 @@ TEST_CASE("the laws reject a law off by one, no weights, and a law that is cut a
   check(Comb{});
 }
 
-TEST_CASE("the laws reject a dropped base, and a shared base of one residue of a comb",
-          "[single_term][statistical]") {
+TEST_CASE("the laws reject a dropped base, and a shared base of one residue of a comb", "[single_term][statistical]") {
   for (const std::int64_t m : {0, 2}) {
     for (const Base how : {Base::always, Base::drawn}) {
       const SingleTermOptions options{.base_level = m, .base = how};
@@ -151,8 +148,7 @@ double weighted(const Geometric& p, std::int64_t first, const SecondMoment& seco
 
 }  // namespace
 
-TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base always or drawn",
-          "[single_term][statistical]") {
+TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base always or drawn", "[single_term][statistical]") {
   const GeometricSeries series;
   const Geometric p(0.5);
   for (const std::int64_t m : {0, 1, 3}) {
@@ -163,8 +159,7 @@ TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base always or
         weighted(p, m, [&](std::int64_t k) { return k == m ? std::pow(series.partial(m), 2) : square(k); }) -
         series.truth() * series.truth();
     const auto run = [&](Base how) {
-      return estimate(single_term(series, p, {.base_level = m, .base = how}),
-                      {.samples = 200'000, .seed = 3});
+      return estimate(single_term(series, p, {.base_level = m, .base = how}), {.samples = 200'000, .seed = 3});
     };
     CAPTURE(m, always, drawn);
     CHECK(has_variance(run(Base::always), always));
@@ -182,8 +177,7 @@ TEST_CASE("with noise the variance is that of the base plus sum E D^2 / p - (sum
     const double rest = 1 - SquaredMean::value_mean(m);
     const double second = weighted(p, m + 1, SquaredMean::difference_square);
     const double exact = SquaredMean::value_variance(m) + second - rest * rest;
-    const auto result =
-        estimate(single_term(SquaredMean{}, p, {.base_level = m}), {.samples = 100'000, .seed = 3});
+    const auto result = estimate(single_term(SquaredMean{}, p, {.base_level = m}), {.samples = 100'000, .seed = 3});
     CAPTURE(m, exact, result.moments.variance());
     CHECK(has_variance(result, exact));
     CHECK_FALSE(has_variance(result, second - rest * rest));
@@ -278,8 +272,7 @@ struct TwoLevels {
 
 }  // namespace
 
-TEST_CASE("levels of 2^40 and of almost 2^63 are drawn, weighted and recorded like any other",
-          "[single_term][exact]") {
+TEST_CASE("levels of 2^40 and of almost 2^63 are drawn, weighted and recorded like any other", "[single_term][exact]") {
   for (const std::int64_t deep : {std::int64_t{1} << 40, std::numeric_limits<std::int64_t>::max() - 1}) {
     const auto result = estimate(single_term(Algebraic{}, TwoLevels{deep}), {.samples = 10'000, .seed = 2});
     REQUIRE(result.levels.size() == 3);  // the base, level 1, and one octave
@@ -295,8 +288,7 @@ TEST_CASE("levels of 2^40 and of almost 2^63 are drawn, weighted and recorded li
   }
 }
 
-TEST_CASE("a probability that has underflowed is an error with its level, never a weight",
-          "[single_term][exact]") {
+TEST_CASE("a probability that has underflowed is an error with its level, never a weight", "[single_term][exact]") {
   struct Vanishing {
     double mass(std::int64_t) const { return 1e-310; }
     double tail(std::int64_t) const { return 1e-310; }

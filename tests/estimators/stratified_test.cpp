@@ -67,7 +67,9 @@ struct NoisySeries {
 template <int mistake>
 struct Skewed {
   Draw<double> operator()(std::int64_t level, Stream& rng) const { return draw(level, rng.uniform()); }
-  void values(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out) const { fill(level, batch, out, false); }
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out) const {
+    fill(level, batch, out, false);
+  }
   void differences(std::int64_t level, StreamBatch& batch, std::span<Term<double>> out) const {
     fill(level, batch, out, true);
   }
@@ -98,8 +100,8 @@ TEST_CASE("stratified blocks are unbiased and honest on three sequences, base al
       for (const Base how : {Base::always, Base::drawn}) {
         for (const std::int64_t block : {1, 16}) {
           CAPTURE(name_of(strata), how == Base::drawn, block);
-          CHECK(estimator_laws(stratified(single_term(sequence, law, {.base = how}), block, strata), truth,
-                               few) == Failures{});
+          CHECK(estimator_laws(stratified(single_term(sequence, law, {.base = how}), block, strata), truth, few) ==
+                Failures{});
         }
       }
     }
@@ -126,8 +128,7 @@ TEST_CASE("the laws reject stratified blocks of a law off by one, without weight
   }
 }
 
-TEST_CASE("residual strata of a law without a falling tail are refused, not searched for ever",
-          "[stratified][exact]") {
+TEST_CASE("residual strata of a law without a falling tail are refused, not searched for ever", "[stratified][exact]") {
   const auto refused = [](const auto& p) {
     CHECK_THROWS_WITH(stratified(single_term(SquaredMean{}, p), 64, Strata::residual),
                       Catch::Contains("residual strata") && Catch::Contains("Strata::systematic"));
@@ -137,8 +138,7 @@ TEST_CASE("residual strata of a law without a falling tail are refused, not sear
   stratified(single_term(SquaredMean{}, Zeta(1.5)), 64, Strata::residual);
 }
 
-TEST_CASE("every level gets its share of a block: whole parts exactly, fractions in the mean",
-          "[stratified][exact]") {
+TEST_CASE("every level gets its share of a block: whole parts exactly, fractions in the mean", "[stratified][exact]") {
   const std::int64_t n = 40;
   const auto member = single_term(Steady{}, law, {.base = Base::drawn});
   for (const Strata strata : all_strata) {
@@ -204,10 +204,12 @@ TEST_CASE("a block takes part in chunks of about a thousand members, with the sa
     CHECK(run.mean == reference.mean);
     CHECK(run.standard_error == reference.standard_error);
   }
-  const auto merged = merge(estimate(e, {.samples = 284, .seed = 3, .first = 16}), estimate(e, {.samples = 16, .seed = 3}));
+  const auto merged =
+      merge(estimate(e, {.samples = 284, .seed = 3, .first = 16}), estimate(e, {.samples = 16, .seed = 3}));
   CHECK(merged.mean == reference.mean);
-  CHECK_THROWS_WITH(merge(estimate(e, {.samples = 17, .seed = 3}), estimate(e, {.samples = 283, .seed = 3, .first = 17})),
-                    Catch::Contains("multiple of 16"));
+  CHECK_THROWS_WITH(
+      merge(estimate(e, {.samples = 17, .seed = 3}), estimate(e, {.samples = 283, .seed = 3, .first = 17})),
+      Catch::Contains("multiple of 16"));
   RunState blocks(16);
   CHECK_THROWS_WITH(blocks.merge(RunState()), Catch::Contains("chunks of 16 and of 512"));
   CHECK_THROWS_WITH(RunState(12), Catch::Contains("power of two"));
@@ -251,8 +253,9 @@ TEST_CASE("members that run together are unbiased and honest, and stratified ove
   const auto call = [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); };
   const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
   for (const Base how : {Base::always, Base::drawn}) {
-    CHECK(estimator_laws(stratified(single_term(milstein(stock, call), Geometric::with_exponent(1.5), {.base = how}), 64),
-                         10.450583572185565, few) == Failures{});
+    CHECK(
+        estimator_laws(stratified(single_term(milstein(stock, call), Geometric::with_exponent(1.5), {.base = how}), 64),
+                       10.450583572185565, few) == Failures{});
   }
 }
 

@@ -29,17 +29,14 @@ TEST_CASE("truncated estimates one level without bias, and not the limit", "[tru
   }
 }
 
-TEST_CASE("the laws reject a truncated estimate that is scaled, or without its value",
-          "[truncated][statistical]") {
+TEST_CASE("the laws reject a truncated estimate that is scaled, or without its value", "[truncated][statistical]") {
   const laws::EstimatorLawOptions options;
   const Plan plan{.samples = options.samples, .seed = options.seed};
   const double at_level = SquaredMean::value_mean(2);
   const auto e = truncated(SquaredMean{}, 2);
-  CHECK(laws::names(
-      estimator_laws(scaled_detectably(e, at_level, plan, options.z_limit), at_level, {.repeats = 0}),
-      "unbiased"));
-  CHECK(laws::names(estimator_laws(truncated(BaseDropped<SquaredMean>{{}}, 2), at_level, {.repeats = 0}),
+  CHECK(laws::names(estimator_laws(scaled_detectably(e, at_level, plan, options.z_limit), at_level, {.repeats = 0}),
                     "unbiased"));
+  CHECK(laws::names(estimator_laws(truncated(BaseDropped<SquaredMean>{{}}, 2), at_level, {.repeats = 0}), "unbiased"));
 }
 
 TEST_CASE("truncated says that it is biased, and pays for its level only", "[truncated][exact]") {

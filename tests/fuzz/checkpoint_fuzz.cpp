@@ -164,15 +164,22 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::span<const std::byte> bytes = std::as_bytes(std::span(data, size)).subspan(1);
   switch (data[0] % 8) {
-    case 0: read_file(bytes); break;
+    case 0:
+      read_file(bytes);
+      break;
     case 1: {
       const std::size_t text = std::min<std::size_t>(bytes.size(), 8);
       read_file(file_of(bytes.first(text), bytes.subspan(text)));
       break;
     }
-    case 2: read_image(bytes); break;
-    case 3: read_photons(bytes); break;
-    default: read_sums(bytes);
+    case 2:
+      read_image(bytes);
+      break;
+    case 3:
+      read_photons(bytes);
+      break;
+    default:
+      read_sums(bytes);
   }
   return 0;
 }

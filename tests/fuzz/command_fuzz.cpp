@@ -89,8 +89,8 @@ class Scratch {
         a.checkpoint = std::string("run") + shard[0];
         if (run(a) != done) fail("no checkpoint");
       }
-      std::vector<std::pair<std::string, std::string>> made = {
-          {"numbers", "flux,x\n1,2\n3,nan\n0.5,4\n"}, {"volume", std::string("\0\0\x80\x3f\0\0\0\x3f", 8)}};
+      std::vector<std::pair<std::string, std::string>> made = {{"numbers", "flux,x\n1,2\n3,nan\n0.5,4\n"},
+                                                               {"volume", std::string("\0\0\x80\x3f\0\0\0\x3f", 8)}};
       for (const char* name : {"run", "run1", "run2"}) {
         std::ostringstream bytes;
         bytes << std::ifstream(name, std::ios::binary).rdbuf();
@@ -199,8 +199,14 @@ void check(int code, const Arguments& a, bool lines, const Streams& said) {
     case bad_usage:
       if (!out.empty() || std::count(err.begin(), err.end(), '\n') != 1) fail("bad usage: " + err + out);
       return;
-    case done: case goal_missed: case validation_failed: case file_error: case nonfinite_samples: break;
-    default: fail("exit code " + std::to_string(code) + ": " + err);
+    case done:
+    case goal_missed:
+    case validation_failed:
+    case file_error:
+    case nonfinite_samples:
+      break;
+    default:
+      fail("exit code " + std::to_string(code) + ": " + err);
   }
   if (!a.json || !a.output.empty() || out.empty()) return;
   std::istringstream text(out);

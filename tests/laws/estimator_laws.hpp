@@ -72,8 +72,7 @@ class EstimatorLaws {
       const auto run = estimate(estimator_, {.samples = 1, .seed = options_.seed, .first = i, .threads = 1});
       for (std::size_t c = 0; c < component_count(one.sample.value); ++c) {
         const auto bits = [c](const V& v) { return std::bit_cast<std::uint64_t>(component(v, c)); };
-        if (bits(one.sample.value) != bits(two.sample.value))
-          return fail("replay: sample ", i, " has other bits");
+        if (bits(one.sample.value) != bits(two.sample.value)) return fail("replay: sample ", i, " has other bits");
         if (component(one.sample.value, c) != run.components[c].mean) {
           return fail("replay: trace and a run differ at sample ", i);
         }
@@ -105,8 +104,8 @@ class EstimatorLaws {
     const Result<V> result = estimate(estimator_, {.samples = options_.samples, .seed = options_.seed});
     for (std::size_t c = 0; c < component_count(truth_); ++c) {
       if (std::abs(z(result, c)) <= options_.z_limit) continue;
-      fail("unbiased: component ", c, " is ", result.components[c].mean, ", ", z(result, c),
-           " standard errors from ", component(truth_, c));
+      fail("unbiased: component ", c, " is ", result.components[c].mean, ", ", z(result, c), " standard errors from ",
+           component(truth_, c));
     }
   }
 
@@ -145,8 +144,7 @@ class EstimatorLaws {
 
 /// Every broken law in words; empty when all are kept.
 template <Estimator E>
-Failures estimator_laws(const E& estimator, const estimate_value_t<E>& truth,
-                        const EstimatorLawOptions& options = {}) {
+Failures estimator_laws(const E& estimator, const estimate_value_t<E>& truth, const EstimatorLawOptions& options = {}) {
   return detail::EstimatorLaws<E>(estimator, truth, options).check();
 }
 

@@ -79,8 +79,8 @@ void check_masses(const P& p, Verdict& verdict) {
     sum += mass;
     verdict.require(mass > 0 && mass <= 1, "masses: in (0, 1]", where);
     verdict.require(next <= tail, "masses: tails fall", where);
-    verdict.require(std::abs(tail - next - mass) <= 8 * rounding * tail,
-                    "masses: mass(j) = tail(j) - tail(j+1)", where);
+    verdict.require(std::abs(tail - next - mass) <= 8 * rounding * tail, "masses: mass(j) = tail(j) - tail(j+1)",
+                    where);
     verdict.require(std::abs(static_cast<double>(sum - tail)) <= 32 * rounding * tail,
                     "masses: tail(j) is the sum of the masses from j on", where);
   }
@@ -109,8 +109,7 @@ void check_inverse(const P& p, Verdict& verdict) {
   const std::int64_t last = last_level(p);
   for (std::int64_t j = first_level(p); j <= last; ++j) {
     const double tail = p.tail(j);
-    for (const double u :
-         {tail, std::nextafter(tail, 0.0), std::nextafter(tail, 1.0), (tail + p.tail(j + 1)) / 2}) {
+    for (const double u : {tail, std::nextafter(tail, 0.0), std::nextafter(tail, 1.0), (tail + p.tail(j + 1)) / 2}) {
       verdict.require(inverts(p, u), claim, u);
     }
   }

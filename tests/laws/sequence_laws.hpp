@@ -60,9 +60,7 @@ struct Means {
   bool work_is_positive = true;
 };
 
-inline double second_moment(const Moments& m) {
-  return m.mean * m.mean + m.m2 / static_cast<double>(m.count);
-}
+inline double second_moment(const Moments& m) { return m.mean * m.mean + m.m2 / static_cast<double>(m.count); }
 inline double second_moment(const Means& means) {
   double sum = 0;
   for (const Moments& m : means.components) sum += second_moment(m);
@@ -152,9 +150,7 @@ class SequenceLaws {
   void fail(const std::string& what) { failures_.push_back(what); }
 
   const Means& value(std::int64_t k) const { return values_[static_cast<std::size_t>(k - options_.first)]; }
-  const Means& difference(std::int64_t k) const {
-    return differences_[static_cast<std::size_t>(k - options_.first)];
-  }
+  const Means& difference(std::int64_t k) const { return differences_[static_cast<std::size_t>(k - options_.first)]; }
 
   /// The means of a Term over independent samples; every (purpose, level) has streams of its own.
   template <class Evaluate>
@@ -337,8 +333,8 @@ class SequenceLaws {
   }
 
   /// One declared exponent against the slope of y over the level (or over its logarithm).
-  void slope(const std::string& what, const std::vector<double>& x, const std::vector<double>& y,
-             double declared, double tolerance) {
+  void slope(const std::string& what, const std::vector<double>& x, const std::vector<double>& y, double declared,
+             double tolerance) {
     const double measured = log2_slope(x, y);
     if (std::abs(measured - declared) <= tolerance) return;
     std::ostringstream text;

@@ -75,8 +75,7 @@ TEST_CASE("the sequence laws accept right sequences, random and deterministic", 
 }
 
 TEST_CASE("the sequence laws name what is broken", "[sequence_laws][law]") {
-  const auto breaks = [](const auto& s, const std::string& law,
-                         const laws::SequenceLawOptions& options = {}) {
+  const auto breaks = [](const auto& s, const std::string& law, const laws::SequenceLawOptions& options = {}) {
     const Failures failures = sequence_laws(s, options);
     CAPTURE(failures, law);
     bool named = false;

@@ -64,8 +64,7 @@ class ValueLaws {
       }
       require(component(a, i) == before, "changing a copy leaves the original alone");
       for (std::size_t k = 0; k < n; ++k) {
-        require(k == i || component(changed, k) == component(a, k),
-                "setting a component leaves the others alone");
+        require(k == i || component(changed, k) == component(a, k), "setting a component leaves the others alone");
       }
     }
   }
@@ -88,8 +87,7 @@ class ValueLaws {
       const V b = scaled(a, factor);
       require(component_count(b) == component_count(a), "scaled keeps the shape");
       for (std::size_t i = 0; i < component_count(a); ++i) {
-        require(component(b, i) == stored(a, i, component(a, i) * factor),
-                "scaled multiplies every component");
+        require(component(b, i) == stored(a, i, component(a, i) * factor), "scaled multiplies every component");
       }
     }
     const V zero = zero_like(a);
@@ -111,8 +109,7 @@ class ValueLaws {
     if constexpr (RealValue<V>) {
       require(got == component(a, 0), "the scalar of a real value is the value");
     } else {
-      require(std::abs(got - norm) <= 1e-15 * static_cast<double>(n + 2) * norm,
-              "the scalar is the Euclidean norm");
+      require(std::abs(got - norm) <= 1e-15 * static_cast<double>(n + 2) * norm, "the scalar is the Euclidean norm");
     }
     require(as_scalar(zero_like(a)) == 0, "the scalar of zero is zero");
     for (std::size_t i = 0; i < n; ++i) {

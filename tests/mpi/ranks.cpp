@@ -31,10 +31,9 @@ void check(bool holds, const std::string& what) {
 double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
 
 bool same(const Statistics& a, const Statistics& b) {
-  return a.components[0].mean == b.components[0].mean && a.moments.m2 == b.moments.m2 &&
-         a.moments.m4 == b.moments.m4 && a.work == b.work && a.samples == b.samples &&
-         a.upper_tail == b.upper_tail && a.lower_tail == b.lower_tail && a.largest == b.largest &&
-         a.nonfinite == b.nonfinite && a.first_nonfinite == b.first_nonfinite;
+  return a.components[0].mean == b.components[0].mean && a.moments.m2 == b.moments.m2 && a.moments.m4 == b.moments.m4 &&
+         a.work == b.work && a.samples == b.samples && a.upper_tail == b.upper_tail && a.lower_tail == b.lower_tail &&
+         a.largest == b.largest && a.nonfinite == b.nonfinite && a.first_nonfinite == b.first_nonfinite;
 }
 
 // What is thrown, as text.
@@ -54,10 +53,9 @@ void bits() {
   const auto by = [](catalog::Method method, std::int64_t block) {
     return catalog::Choice{.method = method, .law = AnyPmf(Geometric(0.6)), .block = block};
   };
-  const std::pair<const char*, catalog::Choice> problems[] = {
-      {"A03", by(catalog::Method::single_term, 1)},
-      {"D01", by(catalog::Method::roulette, 1)},
-      {"E02", by(catalog::Method::single_term_drawn, 64)}};
+  const std::pair<const char*, catalog::Choice> problems[] = {{"A03", by(catalog::Method::single_term, 1)},
+                                                              {"D01", by(catalog::Method::roulette, 1)},
+                                                              {"E02", by(catalog::Method::single_term_drawn, 64)}};
   for (const auto& [name, choice] : problems) {
     for (const std::int64_t n : {1000, 4096, 4097, 100'000, 1'000'000}) {
       if (n * choice.block > 1'000'000) continue;
@@ -73,8 +71,7 @@ void bits() {
     for (const std::int64_t first : {0, 300}) {
       for (const int threads : {1, 3}) {
         const Plan plan{.samples = n, .seed = 5, .first = first, .threads = threads};
-        check(same(mpi::estimate(MPI_COMM_WORLD, draw, plan), estimate(draw, plan)),
-              "bits of " + std::to_string(n));
+        check(same(mpi::estimate(MPI_COMM_WORLD, draw, plan), estimate(draw, plan)), "bits of " + std::to_string(n));
       }
     }
   }
@@ -83,9 +80,7 @@ void bits() {
   const auto with_infinities = mpi::estimate(MPI_COMM_WORLD, some_infinite, plan);
   check(with_infinities.first_nonfinite == estimate(some_infinite, plan).first_nonfinite,
         "first sample that is infinite");
-  const auto vectors = [](Stream& rng) {
-    return Sample<std::complex<double>>{{rng.normal(), rng.uniform()}, 1, 0};
-  };
+  const auto vectors = [](Stream& rng) { return Sample<std::complex<double>>{{rng.normal(), rng.uniform()}, 1, 0}; };
   check(mpi::estimate(MPI_COMM_WORLD, vectors, plan).mean == estimate(vectors, plan).mean, "two components");
 }
 
@@ -118,15 +113,13 @@ void failing() {
   const auto odd = [](Stream& rng) -> double { throw static_cast<int>(rng.index()); };
   check(thrown_by<SampleError>([&] { mpi::estimate(MPI_COMM_WORLD, odd); }).find("sample 0 of seed 1") == 0,
         "an odd exception");
-  const auto none =
-      thrown_by<std::invalid_argument>([&] { mpi::estimate(MPI_COMM_WORLD, draw, {.samples = 0}); });
+  const auto none = thrown_by<std::invalid_argument>([&] { mpi::estimate(MPI_COMM_WORLD, draw, {.samples = 0}); });
   check(none.find("samples = 0") != std::string::npos, "no samples: " + none);
   if (ranks == 1) return;
   const auto differ = [&](const Plan& plan) {
     return thrown_by<std::invalid_argument>([&] { mpi::estimate(MPI_COMM_WORLD, draw, plan); });
   };
-  check(differ({.seed = static_cast<std::uint64_t>(rank)}).find("differ") != std::string::npos,
-        "other seeds");
+  check(differ({.seed = static_cast<std::uint64_t>(rank)}).find("differ") != std::string::npos, "other seeds");
   check(differ({.samples = rank + 10}).find("differ") != std::string::npos, "other samples");
   check(differ({.samples = rank == 1 ? 0 : 10}).find("samples = 0") != std::string::npos, "one bad plan");
 }

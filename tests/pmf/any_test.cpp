@@ -51,8 +51,7 @@ TEST_CASE("Every form of a law on the command line says which law it is", "[pmf]
 }
 
 TEST_CASE("A law chosen at run time is a law", "[pmf][law]") {
-  for (const char* spec :
-       {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=3", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
+  for (const char* spec : {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=3", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
     CAPTURE(spec);
     CHECK(debias::laws::pmf_laws(AnyPmf::parse(spec)) == debias::laws::Failures{});
   }

@@ -20,8 +20,7 @@ double power(double x, double k) { return std::pow(x, k); }
 double any_size(Stream& rng) { return power(10, 6 * rng.uniform() - 3); }
 
 /// (sum nu / q) (sum w q), with q_0 = 1.
-double product_of_tails(const std::vector<double>& nu, const std::vector<double>& work,
-                        const std::vector<double>& q) {
+double product_of_tails(const std::vector<double>& nu, const std::vector<double>& work, const std::vector<double>& q) {
   double variance = 0;
   double cost = 0;
   for (std::size_t k = 0; k < nu.size(); ++k) {
@@ -99,8 +98,7 @@ TermMoments square_of_mean(int levels) {
 
 }  // namespace
 
-TEST_CASE("the hull law is the best of all falling survival laws on 1000 random problems",
-          "[pmf][fitted][exact]") {
+TEST_CASE("the hull law is the best of all falling survival laws on 1000 random problems", "[pmf][fitted][exact]") {
   Stream rng(20220811, 0);
   for (int i = 0; i < 1000; ++i) {
     const auto n = static_cast<std::size_t>(2 + i % 7);
@@ -186,11 +184,10 @@ TEST_CASE("where the members of a level run together no other masses are better 
   }
   CAPTURE(worst, gain);
   CHECK(worst < 1.03);  // it is not convex where a level has about one member
-  CHECK(gain < 0.2);  // masses that know nothing of it are up to that much worse
+  CHECK(gain < 0.2);    // masses that know nothing of it are up to that much worse
 }
 
-TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)",
-          "[pmf][fitted][exact]") {
+TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)", "[pmf][fitted][exact]") {
   TermMoments m = square_of_mean(24);
   const double mean = 1;
   m.fixed_variance = -mean * mean;  // Base::drawn with independent members: V = sum a / p - I^2

@@ -12,8 +12,7 @@ using debias::Geometric;
 
 static_assert(debias::DescribedPmf<Geometric>);
 
-TEST_CASE("Geometric masses and tails are within 1e-15 for r near 0, near 1 and at deep levels",
-          "[pmf][exact]") {
+TEST_CASE("Geometric masses and tails are within 1e-15 for r near 0, near 1 and at deep levels", "[pmf][exact]") {
   // mpmath, 300 digits, at the double that the parameter is.
   struct Reference {
     double r;
@@ -68,8 +67,7 @@ TEST_CASE("Geometric is a law", "[pmf][law]") {
   }
 }
 
-TEST_CASE("A geometric exponent theta gives r = 1 - 2^-theta and is found again in the tail",
-          "[pmf][exact]") {
+TEST_CASE("A geometric exponent theta gives r = 1 - 2^-theta and is found again in the tail", "[pmf][exact]") {
   CHECK(Geometric::with_exponent(1).mass(0) == 0.5);
   CHECK(Geometric::with_exponent(53).tail(1) == 0x1p-53);
   CHECK(debias::laws::relative_error(Geometric::with_exponent(1.5).mass(0), 0.64644660940672623780) < 1e-15);

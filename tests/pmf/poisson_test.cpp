@@ -12,8 +12,7 @@ using debias::Poisson;
 
 static_assert(debias::DescribedPmf<Poisson>);
 
-TEST_CASE("Poisson masses and tails are within 1e-15 from lambda = 1e-3 to 1e4, deep tails too",
-          "[pmf][exact]") {
+TEST_CASE("Poisson masses and tails are within 1e-15 from lambda = 1e-3 to 1e4, deep tails too", "[pmf][exact]") {
   // mpmath, 300 digits, at the double that the parameter is.
   struct Reference {
     double lambda;
@@ -77,8 +76,8 @@ TEST_CASE("Poisson levels beyond underflow have no mass and are refused, not cut
 }
 
 TEST_CASE("Poisson refuses a lambda that is no mean level", "[pmf][exact]") {
-  for (const double lambda : {0.0, -3.0, 1.1e6, std::numeric_limits<double>::infinity(),
-                              std::numeric_limits<double>::quiet_NaN()}) {
+  for (const double lambda :
+       {0.0, -3.0, 1.1e6, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
     CAPTURE(lambda);
     CHECK_THROWS_AS(Poisson(lambda), std::invalid_argument);
   }

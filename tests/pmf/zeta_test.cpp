@@ -12,8 +12,7 @@ using debias::Zeta;
 
 static_assert(debias::DescribedPmf<Zeta>);
 
-TEST_CASE("Zeta masses and tails are within 2e-15 for s near 1, large s and up to level 2^61",
-          "[pmf][exact]") {
+TEST_CASE("Zeta masses and tails are within 2e-15 for s near 1, large s and up to level 2^61", "[pmf][exact]") {
   // mpmath, 300 digits, at the double that the parameter is.
   struct Reference {
     double s;

@@ -49,7 +49,8 @@ TEST_CASE("any double is the number that its text reads back as", "[property][ex
     RC_ASSERT(parse_count(std::to_string(n), "n", 0, ~std::uint64_t{0}) == n);
   });
   holds("any text is a number or refused with its own name", [] {
-    const auto text = *rc::gen::container<std::string>(rc::gen::element('0', '1', '9', '.', 'e', '-', '+', '_', ' ', 'x'));
+    const auto text =
+        *rc::gen::container<std::string>(rc::gen::element('0', '1', '9', '.', 'e', '-', '+', '_', ' ', 'x'));
     try {
       RC_ASSERT(std::isfinite(parse_double(text, "argument")));
     } catch (const std::invalid_argument& e) {

@@ -23,8 +23,7 @@ const auto x_log_x = [](const auto& x) { return x * log(x); };
 
 }  // namespace
 
-TEST_CASE("automatic differentiation gives the coefficients of the closed forms, and their radius",
-          "[taylor][exact]") {
+TEST_CASE("automatic differentiation gives the coefficients of the closed forms, and their radius", "[taylor][exact]") {
   auto ours = autodiff<32>(reciprocal_of).expand(1.5);
   auto closed = functions::Reciprocal{}.expand(1.5);
   CHECK(ours.radius == Approx(1.5).epsilon(0.05));

@@ -121,7 +121,8 @@ class LevelTable {
   }
   void add(std::int64_t level, double d, double work) {
     const std::size_t i = row_of(level);
-    if (i >= rows_.size()) [[unlikely]] rows_.resize(i + 1);
+    if (i >= rows_.size()) [[unlikely]]
+      rows_.resize(i + 1);
     rows_[i].add(d, work);
   }
   void merge(const LevelTable& other);
@@ -288,9 +289,7 @@ class Recorder {
   }
 
   /// The index of the sample that comes next: the one that is being drawn when a callable throws.
-  [[nodiscard]] std::int64_t next_index() const {
-    return block_first_ + static_cast<std::int64_t>(filled_);
-  }
+  [[nodiscard]] std::int64_t next_index() const { return block_first_ + static_cast<std::int64_t>(filled_); }
 
   [[nodiscard]] const Accumulator& end_chunk() {
     flush();

@@ -89,7 +89,9 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
         rehearse(first, last);
       } else if (first >= rehearsed) {  // some whole chunks at once
         constexpr std::int64_t size = 1 << 16;
-        rehearsed = fixed.earlier || fixed.ranks != nullptr ? last : std::min((first / size + 1) * size, fixed.first + fixed.samples);
+        rehearsed = fixed.earlier || fixed.ranks != nullptr
+                        ? last
+                        : std::min((first / size + 1) * size, fixed.first + fixed.samples);
         rehearse(first, rehearsed);
       }
     }

@@ -36,8 +36,8 @@ concept DescribedPmf = Pmf<P> && requires(const P& p) {
 
 /// The largest j >= 0 with u <= tail(j), from a guess that is close: sampling a law is inverting its tail.
 template <class Tail>
-  requires std::invocable<const Tail&, std::int64_t>
-std::int64_t invert_tail(const Tail& tail, double u, std::int64_t guess) {
+requires std::invocable<const Tail&, std::int64_t> std::int64_t invert_tail(const Tail& tail, double u,
+                                                                            std::int64_t guess) {
   std::int64_t j = guess > 0 ? guess : 0;
   while (j > 0 && u > tail(j)) --j;
   while (u <= tail(j + 1)) ++j;
@@ -48,7 +48,8 @@ std::int64_t invert_tail(const Tail& tail, double u, std::int64_t guess) {
 /// clamped one would be a wrong number.
 double inverse_weight_error(double probability, std::int64_t level);
 inline double inverse_weight(double probability, std::int64_t level) {
-  if (probability >= std::numeric_limits<double>::min()) [[likely]] return 1.0 / probability;
+  if (probability >= std::numeric_limits<double>::min()) [[likely]]
+    return 1.0 / probability;
   return inverse_weight_error(probability, level);
 }
 

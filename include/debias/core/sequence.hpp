@@ -109,8 +109,7 @@ struct SequenceValue<S> {
   using type = decltype(std::declval<const S&>()(std::int64_t{}, std::declval<Stream&>()).value);
 };
 template <TermSequence S>
-  requires(!BiasedSequence<S>)
-struct SequenceValue<S> {
+requires(!BiasedSequence<S>) struct SequenceValue<S> {
   using type = decltype(std::declval<const S&>()(std::declval<Stream&>())().value);
 };
 }  // namespace detail
@@ -133,25 +132,25 @@ concept OffersSharedBase = requires(const S& s, std::int64_t level, Stream& rng)
 };
 
 template <class S>
-concept BatchesValues =
-    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<Term<sequence_value_t<S>>> out) {
+concept BatchesValues = requires(const S& s, std::int64_t level, StreamBatch& batch,
+                                 std::span<Term<sequence_value_t<S>>> out) {
   s.values(level, batch, out);
 };
 template <class S>
-concept BatchesDifferences =
-    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<Term<sequence_value_t<S>>> out) {
+concept BatchesDifferences = requires(const S& s, std::int64_t level, StreamBatch& batch,
+                                      std::span<Term<sequence_value_t<S>>> out) {
   s.differences(level, batch, out);
 };
 template <class S>
-concept BatchesShared =
-    requires(const S& s, std::int64_t level, StreamBatch& batch, std::span<SharedDraw<sequence_value_t<S>>> out) {
+concept BatchesShared = requires(const S& s, std::int64_t level, StreamBatch& batch,
+                                 std::span<SharedDraw<sequence_value_t<S>>> out) {
   s.shared(level, level, batch, out);
 };
 
 /// A sequence of numbers whose members of a stratified block run together.
 template <class S>
-concept BatchesLevels = std::same_as<sequence_value_t<S>, double> &&
-    (BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
+concept BatchesLevels = std::same_as < sequence_value_t<S>,
+double > &&(BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
 
 /// I_level alone, by the cheapest way that the sequence offers.
 template <BiasedSequence S>
@@ -209,7 +208,7 @@ class LevelsOf {
 
 /// As above, with the rates of the terms: the linear growth of the work counts only beside a polynomial decay.
 template <TermSequence S>
-  requires DeclaresRates<S>
+requires DeclaresRates<S>
 class RatedLevelsOf : public LevelsOf<S> {
  public:
   explicit RatedLevelsOf(S terms) : LevelsOf<S>(terms), rates(terms.rates) {

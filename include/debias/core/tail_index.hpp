@@ -46,8 +46,7 @@ struct TailIndex {
   TailState state = TailState::too_few;
   double k = -std::numeric_limits<double>::infinity();  ///< -infinity unless fitted
   double error = 0;  ///< (1 + k) / sqrt(values), and how far k depends on where the tail begins
-  double plain =
-      -std::numeric_limits<double>::infinity();  ///< k without spreading the ties, -infinity: no fit
+  double plain = -std::numeric_limits<double>::infinity();  ///< k without spreading the ties, -infinity: no fit
   std::int64_t values = 0;
   double cutoff = 0;
   bool ties = false;

@@ -83,13 +83,13 @@ void set_component(A& a, std::size_t i, double x) {
 
 template <class V>
 concept Value = std::copy_constructible<V> && std::is_copy_assignable_v<V> &&
-                requires(V& v, const V& a, const V& b, std::size_t i, double x) {
-                  { component_count(a) } -> std::convertible_to<std::size_t>;
-                  { component(a, i) } -> std::convertible_to<double>;
-                  set_component(v, i, x);
-                  { a + b } -> std::convertible_to<V>;
-                  { a - b } -> std::convertible_to<V>;
-                };
+    requires(V& v, const V& a, const V& b, std::size_t i, double x) {
+  { component_count(a) } -> std::convertible_to<std::size_t>;
+  { component(a, i) } -> std::convertible_to<double>;
+  set_component(v, i, x);
+  { a + b } -> std::convertible_to<V>;
+  { a - b } -> std::convertible_to<V>;
+};
 
 /// The relative spacing of the numbers that a value is made of: 2^-23 for single precision, else 2^-52.
 template <Value V>

@@ -58,8 +58,7 @@ class PartialDerivatives {
   using value_type = J;
   using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
 
-  PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options,
-                     const Rates& declared)
+  PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
       : rates(declared), shape_(zero_like(std::move(shape))) {
     for (std::size_t i = 0; i < component_count(at); ++i) {
       partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
@@ -129,8 +128,7 @@ PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& 
 /// The Jacobian of a vector-valued f, in a column-major matrix like `shape`: row r, column i is df_r / dx_i.
 /// Throws as finite_difference does, and std::invalid_argument for a shape of another size.
 template <class F, ArrayValue A, ArrayValue J>
-PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape,
-                                     const DifferenceOptions& options = {}) {
+PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
   return {f, at, J(J::Zero(shape.rows(), shape.cols())), options, detail::smooth_rates(options)};
 }
 

@@ -87,8 +87,8 @@ IndependentSum<S, P> independent_sum(S sequence, P law, const IndependentSumOpti
 /// The same with the law that the declared rates of the sequence ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <BiasedSequence S>
-  requires DeclaresRates<S>
-IndependentSum<S, Geometric> independent_sum(S sequence, const IndependentSumOptions& options = {}) {
+requires DeclaresRates<S> IndependentSum<S, Geometric> independent_sum(S sequence,
+                                                                       const IndependentSumOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
 }

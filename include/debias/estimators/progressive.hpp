@@ -33,8 +33,7 @@ struct Schedule {
   double doublings = 2;
 
   [[nodiscard]] std::int64_t level(std::uint64_t index) const {
-    return base_level +
-           static_cast<std::int64_t>(std::log2(1 + static_cast<double>(index) / first_step) / doublings);
+    return base_level + static_cast<std::int64_t>(std::log2(1 + static_cast<double>(index) / first_step) / doublings);
   }
   /// The first index with this level: samples of one level are identically distributed, and
   /// {.first = first_index(m), .samples = first_index(m + 1) - first_index(m)} runs them alone.
@@ -52,8 +51,8 @@ struct Schedule {
                                 ", doublings = " + std::to_string(doublings) + " (must be positive and finite)");
   }
   [[nodiscard]] std::string describe() const {
-    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + std::to_string(first_step) +
-           ") / " + std::to_string(doublings) + ")";
+    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + std::to_string(first_step) + ") / " +
+           std::to_string(doublings) + ")";
   }
 };
 

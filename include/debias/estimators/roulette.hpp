@@ -70,8 +70,8 @@ class Roulette {
     for (std::int64_t level = base_level_ + 1; level <= last; ++level) {
       term = cursor();
       record.difference(level, as_scalar(term.value), term.work);
-      sample.value = sum(std::move(sample.value),
-                         scaled(std::move(term.value), inverse_weight(probability(level), level)));
+      sample.value =
+          sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
@@ -139,8 +139,7 @@ struct IndexRoulette {
 class RunningWeight {
  public:
   /// Throws std::invalid_argument unless the reference is positive and finite.
-  explicit RunningWeight(double size_of_first_term)
-      : reference_(size_of_first_term), inverse_(1 / size_of_first_term) {
+  explicit RunningWeight(double size_of_first_term) : reference_(size_of_first_term), inverse_(1 / size_of_first_term) {
     if (reference_ > 0 && std::isfinite(reference_) && std::isfinite(inverse_)) return;
     throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference_) +
                                 " (must be positive and finite: the size of the first term, say)");
@@ -202,8 +201,7 @@ class PolicyRoulette {
           if (size == 0 && cursor.ended()) return sample;
         }
         // What is not finite must reach the mean, and has no probability.
-        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight))
-          return sample;
+        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
       }
       sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;

@@ -64,8 +64,7 @@ class SingleTerm {
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::drawn) {
       Stream level_stream = split_level(rng, level);
-      auto term = level == m ? value_of(sequence_, level, level_stream)
-                             : difference_of(sequence_, level, level_stream);
+      auto term = level == m ? value_of(sequence_, level, level_stream) : difference_of(sequence_, level, level_stream);
       level == m ? record.base(m, as_scalar(term.value), term.work)
                  : record.difference(level, as_scalar(term.value), term.work);
       return {scaled(std::move(term.value), weight), term.work, level};
@@ -75,9 +74,8 @@ class SingleTerm {
 
   /// The same of several members of a sample; there is one kind of batch for numbers, arrays go one by one.
   template <Record R>
-  void draw(std::int64_t level, const detail::Members& members, std::span<Sample<value_type>> out, R& record) const
-    requires BatchesLevels<S>
-  {
+  void draw(std::int64_t level, const detail::Members& members, std::span<Sample<value_type>> out,
+            R& record) const requires BatchesLevels<S> {
     const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::always) {
@@ -133,8 +131,7 @@ SingleTerm<S, P> single_term(S sequence, P law, const SingleTermOptions& options
 /// The same with the law that the declared rates of the sequence ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <BiasedSequence S>
-  requires DeclaresRates<S>
-SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
+requires DeclaresRates<S> SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
 }

@@ -112,8 +112,8 @@ inline constexpr std::size_t block_size = 256;
 /// Points of many members at once: `points.batch(level, group_level, batch)` returns a callable that writes the sums
 /// of the next few groups, sums[r * members + b], and returns how many groups these are: a power of two.
 template <class P>
-concept BatchedPoints = Points<P> && requires(const P& p, std::int64_t level, StreamBatch& batch,
-                                              std::span<double, block_size> sums) {
+concept BatchedPoints = Points<P> &&
+    requires(const P& p, std::int64_t level, StreamBatch& batch, std::span<double, block_size> sums) {
   { p.batch(level, level, batch)(sums) } -> std::same_as<std::int64_t>;
 };
 
@@ -145,8 +145,7 @@ struct EvenOdd {
 template <class Fill>
 class Blocks {
  public:
-  Blocks(Fill fill, std::int64_t count, std::int64_t size)
-      : fill_(std::move(fill)), left_(count), size_(size) {}
+  Blocks(Fill fill, std::int64_t count, std::int64_t size) : fill_(std::move(fill)), left_(count), size_(size) {}
 
   double operator()() {
     if (size_ == 1) return take(1).front();
@@ -208,8 +207,7 @@ class DrawsBatch {
       std::fill(out.begin(), out.end(), 0.0);
       for (std::int64_t done = 0; done < size_; done += fit) {
         const std::int64_t rows = std::min(size_ - done, fit);  // of each group; all of them if there are several
-        const std::span<double> some =
-            std::span(draws).first(static_cast<std::size_t>(groups_ * rows) * members);
+        const std::span<double> some = std::span(draws).first(static_cast<std::size_t>(groups_ * rows) * members);
         x_->draws(*batch_, some);
         const double* row = some.data();
         for (std::size_t r = 0; r < static_cast<std::size_t>(groups_); ++r) {
@@ -237,7 +235,8 @@ class DrawsBatch {
   StreamBatch* batch_;
   std::int64_t size_;
   std::int64_t groups_;  // in a call
-  [[no_unique_address]] std::conditional_t<BatchedOverMembers<X>, None, std::array<std::optional<Stream>, StreamBatch::capacity>>
+  [[no_unique_address]] std::conditional_t<BatchedOverMembers<X>, None,
+                                           std::array<std::optional<Stream>, StreamBatch::capacity>>
       streams_;
 };
 
@@ -257,9 +256,7 @@ struct IndependentPoints {
     }
   }
 
-  auto batch(std::int64_t level, std::int64_t group_level, StreamBatch& members) const
-    requires RealValue<draw_t<X>>
-  {
+  auto batch(std::int64_t level, std::int64_t group_level, StreamBatch& members) const requires RealValue<draw_t<X>> {
     return DrawsBatch<X>(x, doubled_draws(group_level), doubled_draws(level - group_level), members);
   }
 };
@@ -367,8 +364,8 @@ struct IntervalPoints {
   }
 
   auto batch(std::int64_t level, std::int64_t group_level, StreamBatch& members) const
-    requires(Positions::one_offset) && RealValue<std::remove_cvref_t<std::invoke_result_t<const F&, double>>>
-  {
+      requires(Positions::one_offset) &&
+      RealValue<std::remove_cvref_t<std::invoke_result_t<const F&, double>>> {
     return CombBatch<F>(f, from, scale * share_of_draw(level), doubled_draws(group_level),
                         doubled_draws(level - group_level), members);
   }
@@ -380,9 +377,7 @@ class CombPositions {
   static constexpr bool one_offset = true;
 
   CombPositions(std::int64_t level, std::int64_t group_level, Stream& rng)
-      : groups_(doubled_draws(level - group_level)),
-        size_(doubled_draws(group_level)),
-        offset_(rng.uniform()) {}
+      : groups_(doubled_draws(level - group_level)), size_(doubled_draws(group_level)), offset_(rng.uniform()) {}
 
   auto next_group() {
     return [part = group_++, stride = groups_, offset = offset_]() mutable {
@@ -412,8 +407,7 @@ class CombPositions {
 
  private:
   void write(std::span<double> at, std::int64_t first_part, std::int64_t parts_apart) const {
-    const auto first =
-        static_cast<double>(first_part);  // whole numbers below 2^53: sums and products are exact
+    const auto first = static_cast<double>(first_part);  // whole numbers below 2^53: sums and products are exact
     const auto stride = static_cast<double>(parts_apart);
     const double offset = offset_;  // not the member: the loop writes doubles
     const int n = static_cast<int>(at.size());

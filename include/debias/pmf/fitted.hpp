@@ -31,7 +31,7 @@ struct TermMoments {
   /// fall; an empty one, and an empty list, stand for all.
   std::vector<std::vector<double>> variance_left;
   std::vector<std::vector<double>> base_left;
-  double fixed_variance = 0;          ///< what no law changes; may be negative
+  double fixed_variance = 0;  ///< what no law changes; may be negative
   double fixed_work = 0;
   std::int64_t block = 1;  ///< members of a stratified block; 1: independent members
 };

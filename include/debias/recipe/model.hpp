@@ -49,8 +49,8 @@ struct Setup {
 
 /// What its law is chosen for, one entry for each outcome that the model has. A shared base is measured, in this share of
 /// the draws of the survey, and so is what is left of a variance where the members of a level run together.
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
-                         const Setup& setup, const Plan& plan, double share = 1);
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model, const Setup& setup,
+                         const Plan& plan, double share = 1);
 
 /// What a law gives, over the outcomes of the model.
 VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law);

@@ -36,8 +36,7 @@ struct Bridge {
   [[nodiscard]] double maximum(double u) const { return (from + to + reach(u)) / 2; }
   /// Quantile of the integral over the time.
   [[nodiscard]] double integral(double u) const {
-    return length * (from + to) / 2 +
-           diffusion * std::sqrt(length * length * length / 12) * normal_quantile(u);
+    return length * (from + to) / 2 + diffusion * std::sqrt(length * length * length / 12) * normal_quantile(u);
   }
   /// The probability to have crossed, from ends that lie `a` and `b` on the good side.
   [[nodiscard]] double crossing(double a, double b) const {

@@ -38,8 +38,7 @@ concept VectorSde = requires(const M& m, double t) {
 
 /// The same with `diffusion_along(x, t, v)`, the derivative of the diffusion matrix along v.
 template <class M>
-concept DifferentiableVectorSde = VectorSde<M> &&
-    requires(const M& m, const detail::state_of<M>& v, double t) {
+concept DifferentiableVectorSde = VectorSde<M> && requires(const M& m, const detail::state_of<M>& v, double t) {
   { m.diffusion_along(v, t, v).cols() } -> std::convertible_to<Eigen::Index>;
 };
 
@@ -56,23 +55,22 @@ struct VectorEulerStep {
   }
   template <VectorSde M>
   static auto increment(std::int64_t noises, double sqrt_h, Stream& rng) {
-    using Matrix =
-        decltype(diffusion(std::declval<const M&>(), std::declval<const detail::state_of<M>&>(), 0));
+    using Matrix = decltype(diffusion(std::declval<const M&>(), std::declval<const detail::state_of<M>&>(), 0));
     Eigen::Matrix<double, Matrix::ColsAtCompileTime, 1> dw(noises);
     for (Eigen::Index j = 0; j < dw.size(); ++j) dw[j] = sqrt_h * rng.normal();
     return dw;
   }
   template <VectorSde M, class B, class Noise>
-  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, double t, double h,
-                                     const B& b, const Noise& dw) {
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, double t, double h, const B& b,
+                                     const Noise& dw) {
     return x + model.drift(x, t) * h + b * dw;
   }
 };
 
 struct VectorMilsteinStep : VectorEulerStep {
   template <DifferentiableVectorSde M, class B, class Noise>
-  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, double t, double h,
-                                     const B& b, const Noise& dw) {
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, double t, double h, const B& b,
+                                     const Noise& dw) {
     using State = detail::state_of<M>;
     const State moved = b * dw;
     State correction = model.diffusion_along(x, t, moved) * dw;
@@ -101,37 +99,31 @@ auto vector_levels(M model, Summary summary, F payoff, const Rates& rates) {
 /// Throws, like those below, std::invalid_argument for a horizon that is not positive and finite.
 template <VectorSde M, TerminalPayoff<detail::state_of<M>> F>
 auto euler(M model, F payoff, const Rates& rates = {1, 1}) {
-  return detail::vector_levels<VectorEulerStep>(std::move(model), detail::EndOnly{}, std::move(payoff),
-                                                rates);
+  return detail::vector_levels<VectorEulerStep>(std::move(model), detail::EndOnly{}, std::move(payoff), rates);
 }
 template <VectorSde M, PathSummary<detail::state_of<M>> Summary, TerminalPayoff<Summary> F>
 auto euler(M model, Summary summary, F payoff, const Rates& rates = {1, 1}) {
-  return detail::vector_levels<VectorEulerStep>(std::move(model), std::move(summary), std::move(payoff),
-                                                rates);
+  return detail::vector_levels<VectorEulerStep>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 /// The same by Milstein's scheme, for noise that commutes; declare {1, 1} where it does not.
 template <DifferentiableVectorSde M, TerminalPayoff<detail::state_of<M>> F>
 auto milstein(M model, F payoff, const Rates& rates = {2, 1}) {
-  return detail::vector_levels<VectorMilsteinStep>(std::move(model), detail::EndOnly{}, std::move(payoff),
-                                                   rates);
+  return detail::vector_levels<VectorMilsteinStep>(std::move(model), detail::EndOnly{}, std::move(payoff), rates);
 }
 template <DifferentiableVectorSde M, PathSummary<detail::state_of<M>> Summary, TerminalPayoff<Summary> F>
 auto milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
-  return detail::vector_levels<VectorMilsteinStep>(std::move(model), std::move(summary), std::move(payoff),
-                                                   rates);
+  return detail::vector_levels<VectorMilsteinStep>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 /// The same by Milstein's scheme with an antithetic twin, for any noise.
 template <DifferentiableVectorSde M, TerminalPayoff<detail::state_of<M>> F>
 auto antithetic_milstein(M model, F payoff, const Rates& rates = {2, 1}) {
-  return detail::vector_levels<AntitheticMilsteinStep>(std::move(model), detail::EndOnly{}, std::move(payoff),
-                                                       rates);
+  return detail::vector_levels<AntitheticMilsteinStep>(std::move(model), detail::EndOnly{}, std::move(payoff), rates);
 }
 template <DifferentiableVectorSde M, PathSummary<detail::state_of<M>> Summary, TerminalPayoff<Summary> F>
 auto antithetic_milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
-  return detail::vector_levels<AntitheticMilsteinStep>(std::move(model), std::move(summary),
-                                                       std::move(payoff), rates);
+  return detail::vector_levels<AntitheticMilsteinStep>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 }  // namespace debias

@@ -55,7 +55,8 @@ struct LevelRuns {
   std::function<SharedMoments(std::int64_t level, std::int64_t base_level, const Plan& plan)> shared;
   /// Draws plan.samples times that many members (a power of two, at most StrataMoments::most_members) of a level, and of
   /// its base. Empty where the members of a stratified block do not run together.
-  std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)> together;
+  std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)>
+      together;
 };
 
 namespace detail {
@@ -220,18 +221,16 @@ LevelRuns level_runs(const S& sequence) {
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
-  runs.work = [sequence](std::int64_t level, const Plan& plan) {
-    return detail::mean_work(sequence, level, plan);
-  };
+  runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
-      return detail::shared_moments(
-          estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+      return detail::shared_moments(estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
     };
   }
   if constexpr (BatchesLevels<S>) {
     runs.together = [sequence](std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan) {
-      return detail::strata_moments(estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
+      return detail::strata_moments(estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan),
+                                    members);
     };
   }
   return runs;

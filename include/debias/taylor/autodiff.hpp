@@ -39,8 +39,7 @@ class TabulatedSeries {
   /// Throws std::length_error beyond the last order.
   double operator()() {
     if (k_ <= order) return c_[k_++];
-    throw std::length_error("autodiff: order " + std::to_string(k_) + " is beyond the " +
-                            std::to_string(order) +
+    throw std::length_error("autodiff: order " + std::to_string(k_) + " is beyond the " + std::to_string(order) +
                             " that were asked for; ask for more, or take a law that falls faster");
   }
 
@@ -68,8 +67,8 @@ struct Autodiff {
     for (std::size_t k = 0; k <= order; ++k) {
       c[k] = static_cast<double>(y.at(k));
       if (!std::isfinite(c[k])) {
-        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " +
-                                    std::to_string(a) + " is not finite (the function has no series there)");
+        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " + std::to_string(a) +
+                                    " is not finite (the function has no series there)");
       }
       if (2 * k > order) root = std::max(root, std::pow(std::abs(c[k]), 1 / static_cast<double>(k)));
     }

@@ -161,15 +161,12 @@ class TaylorSum {
   }
 
   /// What the term of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const {
-    return law_.tail(level - options_.base_level);
-  }
+  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - options_.base_level); }
   [[nodiscard]] const P& law() const { return law_; }
 
   [[nodiscard]] std::string describe() const {
     static constexpr const char* names[] = {"simple", "cyclic", "symmetric"};
-    std::string text =
-        std::string("taylor_sum, ") + names[static_cast<int>(options_.products)] + " products, ";
+    std::string text = std::string("taylor_sum, ") + names[static_cast<int>(options_.products)] + " products, ";
     if constexpr (drawn) {
       text += "drawn pivot, ";
     } else {
@@ -243,8 +240,7 @@ class TaylorSum {
     const double base_work =
         (drawn ? work_per_draw : 1) + static_cast<double>(draws_at(options_.base_level)) * work_per_draw;
     Sample<value_type> sample{term(0), base_work, order};
-    for (std::int64_t k = 1; k <= options_.base_level; ++k)
-      sample.value = sum(std::move(sample.value), term(k));
+    for (std::int64_t k = 1; k <= options_.base_level; ++k) sample.value = sum(std::move(sample.value), term(k));
     record.base(options_.base_level, as_scalar(sample.value), base_work);
     for (std::int64_t k = options_.base_level + 1; k <= order; ++k) {
       value_type v = term(k);
@@ -270,16 +266,14 @@ TaylorSum<X, G, double, P> taylor_sum(X x, G g, double at, P law, const TaylorSu
 }
 /// Throws std::invalid_argument where the terms do not fall, or the law has infinite variance or work.
 template <RandomVariable X, Expandable G, Pmf P>
-TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law,
-                                      const TaylorSumOptions& options = {}) {
+TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, const TaylorSumOptions& options = {}) {
   const double b = detail::decay(g, centre);
   detail::require_decay(b);
   if constexpr (DescribedPmf<P>) detail::require_survival(b, law.tail_exponent());
   return {std::move(x), std::move(g), centre.at, std::move(law), options};
 }
 template <RandomVariable X, Expandable G, Pmf P>
-TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law,
-                                          const TaylorSumOptions& options = {}) {
+TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law, const TaylorSumOptions& options = {}) {
   return {std::move(x), std::move(g), pivot, std::move(law), options};
 }
 

@@ -89,8 +89,7 @@ Centre best_centre(const G& g, const Moments& pilot) {
 /// log and powers. Throws std::invalid_argument without two draws, and where g is not defined at their mean.
 template <Expandable G>
 Centre centre(const G& g, const Moments& pilot) {
-  if (pilot.count < 2)
-    throw std::invalid_argument("centre: the pilot has fewer than 2 draws; run 1000 or so");
+  if (pilot.count < 2) throw std::invalid_argument("centre: the pilot has fewer than 2 draws; run 1000 or so");
   return detail::best_centre(g, pilot);
 }
 
@@ -102,9 +101,9 @@ Centre centre(const G& g, const Moments& pilot, double at) {
   const Centre chosen{at, detail::mean_square_about(pilot, at)};
   const double b = detail::decay(g, chosen);
   if (!(b < 1)) {
-    throw std::invalid_argument("centre: at = " + std::to_string(at) + " (E (X - a)^2 / R^2 = " +
-                                std::to_string(b) + " must be below 1, else no law has finite variance); " +
-                                std::to_string(best.at) + " has " + std::to_string(detail::decay(g, best)));
+    throw std::invalid_argument("centre: at = " + std::to_string(at) + " (E (X - a)^2 / R^2 = " + std::to_string(b) +
+                                " must be below 1, else no law has finite variance); " + std::to_string(best.at) +
+                                " has " + std::to_string(detail::decay(g, best)));
   }
   return chosen;
 }
@@ -137,10 +136,9 @@ V constant(double c) {
 /// Checks b < survival ratio < 1 as far as b is known.
 inline void require_decay(double b) {
   if (b < 1) return;
-  throw std::invalid_argument(
-      "taylor: E (X - a)^2 / R^2 = " + std::to_string(b) +
-      " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
-      "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
+  throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + std::to_string(b) +
+                              " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
+                              "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
 }
 inline void require_survival(double b, const TailExponent& law) {
   const double survival = law.decay == Decay::polynomial ? 1 : std::exp2(-law.exponent);
@@ -245,9 +243,7 @@ class RatedTaylor : public Taylor<X, G> {
  public:
   /// Throws std::invalid_argument where the squares of the terms do not fall.
   RatedTaylor(X x, const G& g, const Centre& c)
-      : Taylor<X, G>(std::move(x), g, c.at),
-        rates{-std::log2(detail::decay(g, c)), 0},
-        decay_(detail::decay(g, c)) {
+      : Taylor<X, G>(std::move(x), g, c.at), rates{-std::log2(detail::decay(g, c)), 0}, decay_(detail::decay(g, c)) {
     detail::require_decay(decay_);
   }
   /// Throws std::invalid_argument for a law with infinite variance or work.
