@@ -6,7 +6,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "catalog/validation.hpp"
+#include "validation/validation.hpp"
 
 namespace debias::bench {
 namespace {
@@ -21,7 +21,7 @@ void run(benchmark::State& state, const catalog::Problem& problem, const catalog
 
 const bool registered = [] {
   for (const catalog::Problem& problem : catalog::problems()) {
-    for (const catalog::Choice& choice : catalog::choices(problem)) {
+    for (const catalog::Choice& choice : validation::choices(problem)) {
       if (choice.special.empty() && !law_exists(problem.rates)) continue;
       const std::string name =
           problem.name + "/" + std::string(catalog::name_of(choice)) + "/base_" + std::to_string(choice.base_level);

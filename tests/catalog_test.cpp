@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "catalog.hpp"
-#include "catalog/hard.hpp"
-#include "catalog/reliability.hpp"
-#include "catalog/validation.hpp"
+#include "validation/hard.hpp"
+#include "validation/reliability.hpp"
+#include "validation/validation.hpp"
 
 #include "catch_shim.hpp"
 
@@ -17,6 +17,7 @@
 
 using namespace debias;
 using namespace debias::catalog;
+using namespace debias::validation;
 
 TEST_CASE("every problem has an id and a name of its own, a finite truth, and at least two stand in every group",
           "[catalog][exact]") {

@@ -1,65 +1,68 @@
 #include "command_line.hpp"
 
-#include <array>
+#include <deque>
 #include <exception>
-#include <iostream>
 #include <new>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 #include <debias/core/estimate.hpp>
 
-#include "../core/ranks.hpp"
-#include "../core/text.hpp"
-#include "commands.hpp"
-#include "output.hpp"
+#include "commands/text.hpp"
+#include "core/ranks.hpp"
+#include "core/text.hpp"
 
 namespace debias::cli {
 namespace {
 
-struct Subcommand : Command {
+struct Subcommand : Typed {
   CLI::App* app = nullptr;
+
+  CLI::Option* value(const char* field, const char* type, const char* help) {
+    return app->add_option(option(field), words.values[field], help)->type_name(type);
+  }
+  void flag(const char* field, const char* help) { app->add_flag(option(field), words.flags[field], help); }
+  void problem() { app->add_option("PROBLEM", words.values["problem"], "Id or name, see `debias list`")->required(); }
 };
 
-void add_choice(CLI::App& app, Arguments& a) {
-  app.add_option("PROBLEM", a.problem, "Id or name, see `debias list`")->required();
-  app.add_option("--estimator", a.estimator,
-                 "See `debias list estimators`; single_term when there is none, multilevel with --error")
-      ->type_name("NAME");
-  app.add_option("--law", a.law, "Law of the random level, see `debias list laws`")->type_name("LAW");
-  app.add_option("--block", a.block, "Members of a block of systematic strata, which is one sample")->type_name("N");
-  app.add_option("--base-level", a.base_level, "Lowest level m; auto is the lowest that behaves")->type_name("M");
+void add_choice(Subcommand& c) {
+  c.problem();
+  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
+  c.value("law", "LAW", "Law of the random level, see `debias list laws`");
+  c.value("block", "N", "Members of a block of systematic strata, which is one sample");
+  c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
 }
 
-void add_plan(CLI::App& app, Arguments& a) {
-  app.add_option("--samples", a.samples, "Samples, of each cell for validate, of each level for survey; 1e6 for run")
-      ->type_name("N");
-  app.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
-  app.add_option("--threads", a.threads, "0 takes all cores; the result does not depend on it")->type_name("T");
+void add_plan(Subcommand& c) {
+  c.value("samples", "N", "Samples, of each cell for validate, of each level for survey; 1e6 for run");
+  c.value("seed", "S", "Any number of 64 bits, or random");
+  c.value("threads", "T", "0 takes all cores; the result does not depend on it");
 }
 
-void add_goal(CLI::App& app, Arguments& a) {
-  app.add_option("--error", a.error, "As many samples as this standard error takes")->type_name("X");
-  app.add_option("--relative-error", a.relative_error, "The same, in units of the mean")->type_name("X");
-  app.add_option("--time", a.time, "As many samples as this time takes, 10s")->type_name("T");
+void add_goal(Subcommand& c) {
+  c.value("error", "X", "As many samples as this standard error takes");
+  c.value("relative_error", "X", "The same, in units of the mean");
+  c.value("time", "T", "As many samples as this time takes, 10s");
 }
 
-void add_checkpoint(CLI::App& app, Arguments& a) {
-  app.add_option("--checkpoint", a.checkpoint,
-                 "Write what is finished to this file, about once a second, for `debias resume`")
-      ->type_name("FILE");
+void add_checkpoint(
+    Subcommand& c, const char* help = "Write what is finished to this file, about once a second, for `debias resume`") {
+  c.app->add_option("--checkpoint", c.delivery.checkpoint, help)->type_name("FILE");
 }
 
-void add_output(CLI::App& app, Arguments& a) {
+void add_output(Subcommand& c) {
   const auto is_file_name = [](const std::string& path) -> std::string {
     if (!path.empty() && path[0] != '-') return "";
     return "'" + path + "' (no file name); write -o result.json, or ./ before a name that starts with -";
   };
-  app.add_option("-o,--output", a.output, "Write the result to this file")->type_name("FILE")->check(is_file_name);
-  app.add_flag("-q,--quiet", a.quiet, "Nothing but the result and errors");
+  c.app->add_option("-o,--output", c.delivery.output, "Write the result to this file")
+      ->type_name("FILE")
+      ->check(is_file_name);
+  c.app->add_flag("-q,--quiet", c.delivery.quiet, "Nothing but the result and errors");
 }
 
 // `debias run`, or `debias` before a command.
@@ -88,7 +91,7 @@ std::string typed_so_far(const CLI::App& app) {
                               (meant.empty() ? "; see `" + where + " --help`" : meant));
 }
 
-const Subcommand& chosen(const CLI::App& app, const std::vector<Subcommand>& commands) {
+const Subcommand& chosen(const CLI::App& app, const std::deque<Subcommand>& commands) {
   for (const Subcommand& command : commands) {
     if (!command.app->parsed()) continue;
     for (const std::string& word : command.app->remaining()) refuse_word(*command.app, word, typed_so_far(app));
@@ -118,189 +121,183 @@ int report_sample(const SampleError& error) {
   }
   return internal_error;
 }
+
+// Ranks share the samples of this request, and its seed, which each may have drawn for itself.
+void share(Request& request, debias::detail::Ranks* ranks) {
+  const auto one_seed = [ranks](std::uint64_t& seed) {
+    seed = debias::detail::share<std::uint64_t>(ranks, [&seed] { return seed; });
+  };
+  if (auto* run = std::get_if<commands::RunRequest>(&request)) {
+    run->sampling.ranks = ranks;
+    one_seed(run->sampling.seed);
+  } else if (auto* multilevel = std::get_if<commands::MultilevelRequest>(&request)) {
+    multilevel->ranks = ranks;
+    one_seed(multilevel->seed);
+  } else if (auto* resume = std::get_if<Resume>(&request)) {
+    resume->ranks = ranks;
+  } else {
+    throw std::invalid_argument(
+        "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start it without mpirun");
+  }
+}
+
 }  // namespace
 
-std::optional<Command> read_command_line(int argc, const char* const* argv) {
+std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   CLI::App app("Unbiased estimates from biased sequences: problems with known answers, run and validated.", "debias");
   app.option_defaults()->always_capture_default();
-  app.set_version_flag("--version", version_text(),
+  app.set_version_flag("--version", commands::version_text(),
                        "Print the versions of program and stream layout, and the compiler");
   app.footer(
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
 
-  std::vector<Subcommand> commands(11);  // options point into it
-  const auto add_to = [&](CLI::App& parent, std::size_t i, const char* name, int (*execute)(const Arguments&),
-                          const char* description, const char* examples) -> CLI::App& {
-    commands[i].app = parent.add_subcommand(name, description);
-    commands[i].app->footer(std::string("Examples:\n") + examples);
-    commands[i].execute = execute;
-    return *commands[i].app;
+  std::deque<Subcommand> all;  // options point into it
+  const auto add_to = [&](CLI::App& parent, const char* command, const char* description,
+                          const char* examples) -> Subcommand& {
+    Subcommand& added = all.emplace_back();
+    const std::string name = command;
+    added.command = name;
+    added.words = usual_words(name);
+    added.app = parent.add_subcommand(name.substr(name.find(' ') + 1), description);  // npos + 1 is 0
+    added.app->footer(std::string("Examples:\n") + examples);
+    return added;
   };
-  const auto add = [&](std::size_t i, const char* name, int (*execute)(const Arguments&), const char* description,
-                       const char* examples) -> CLI::App& {
-    return add_to(app, i, name, execute, description, examples);
+  const auto add = [&](const char* name, const char* description, const char* examples) -> Subcommand& {
+    return add_to(app, name, description, examples);
   };
 
-  CLI::App& list_app = add(0, "list", list, "What there is: problems, estimators, laws",
-                           "  debias list\n"
-                           "  debias list laws --json");
-  list_app.add_option("TOPIC", commands[0].arguments.topic, "problems, estimators or laws");
+  Subcommand& list = add("list", "What there is: problems, estimators, laws",
+                         "  debias list\n"
+                         "  debias list laws --json");
+  list.app->add_option("TOPIC", list.words.values["topic"], "problems, estimators or laws");
 
-  CLI::App& run_app = add(1, "run", run, "Estimate one problem",
-                          "  debias run A01\n"
-                          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-                          "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
-                          "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
-  add_choice(run_app, commands[1].arguments);
-  add_plan(run_app, commands[1].arguments);
-  add_goal(run_app, commands[1].arguments);
-  run_app.add_option("--confidence", commands[1].arguments.confidence, "Of the interval")->type_name("C");
-  add_checkpoint(run_app, commands[1].arguments);
-  run_app
-      .add_option("--shard", commands[1].arguments.shard,
-                  "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint")
-      ->type_name("I/N");
-  add_output(run_app, commands[1].arguments);
+  Subcommand& run = add("run", "Estimate one problem",
+                        "  debias run A01\n"
+                        "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+                        "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
+                        "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
+  add_choice(run);
+  add_plan(run);
+  add_goal(run);
+  run.value("confidence", "C", "Of the interval");
+  add_checkpoint(run);
+  run.value("shard", "I/N", "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint");
+  add_output(run);
 
-  CLI::App& resume_app = add(9, "resume", resume, "Go on from a checkpoint, or tighten a run",
-                             "  debias resume run.checkpoint\n"
-                             "  debias resume run.checkpoint --error 1e-5");
-  Arguments& resumed = commands[9].arguments;
-  resume_app.add_option("FILE", resumed.file, "What --checkpoint FILE wrote")->required();
-  resume_app.add_option("--samples", resumed.samples, "Samples in all, those of the file included")->type_name("N");
-  add_goal(resume_app, resumed);
-  resume_app.add_option("--threads", resumed.threads, "0 takes all cores; the result does not depend on it")
-      ->type_name("T");
-  add_output(resume_app, resumed);
+  Subcommand& resume = add("resume", "Go on from a checkpoint, or tighten a run",
+                           "  debias resume run.checkpoint\n"
+                           "  debias resume run.checkpoint --error 1e-5");
+  resume.app->add_option("FILE", resume.words.values["file"], "What --checkpoint FILE wrote")->required();
+  resume.value("samples", "N", "Samples in all, those of the file included");
+  add_goal(resume);
+  resume.value("threads", "T", "0 takes all cores; the result does not depend on it");
+  add_output(resume);
 
-  CLI::App& merge_app = add(10, "merge", merge, "Join the checkpoints of shards into the result of one run",
-                            "  debias merge part-1 part-2 part-3\n"
-                            "  debias merge part-* --checkpoint whole --json");
-  merge_app.add_option("FILE", commands[10].arguments.problems, "Checkpoints of one run, in any order")->required();
-  merge_app.add_option("--checkpoint", commands[10].arguments.checkpoint, "Write the union to this file")
-      ->type_name("FILE");
-  add_output(merge_app, commands[10].arguments);
+  Subcommand& merge = add("merge", "Join the checkpoints of shards into the result of one run",
+                          "  debias merge part-1 part-2 part-3\n"
+                          "  debias merge part-* --checkpoint whole --json");
+  merge.app->add_option("FILE", merge.words.names, "Checkpoints of one run, in any order")->required();
+  add_checkpoint(merge, "Write the union to this file");
+  add_output(merge);
 
-  CLI::App& replay_app = add(2, "replay", replay, "Draw one sample of a run again, with every level it touched",
-                             "  debias replay A01 --seed 1 --sample 123456\n"
-                             "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
-  Arguments& replayed = commands[2].arguments;
-  replayed.seed.clear();
-  add_choice(replay_app, replayed);
-  replay_app.add_option("--seed", replayed.seed, "The seed of the run")->type_name("S")->required();
-  replay_app.add_option("--sample", replayed.sample, "The index of the sample")->type_name("I")->required();
+  Subcommand& replay = add("replay", "Draw one sample of a run again, with every level it touched",
+                           "  debias replay A01 --seed 1 --sample 123456\n"
+                           "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
+  for (const char* field : {"seed", "sample"}) replay.words.values[field].clear();  // neither has a usual value
+  add_choice(replay);
+  replay.value("seed", "S", "The seed of the run")->required();
+  replay.value("sample", "I", "The index of the sample")->required();
 
-  CLI::App& validate_app = add(3, "validate", validate, "Hold every estimator against the exact answers",
-                               "  debias validate\n"
-                               "  debias validate A01 A02 --samples 1e6\n"
-                               "  debias validate --hard\n"
-                               "  debias validate --report --samples 1e6 -o report.md\n"
-                               "  debias validate --json -o cells.jsonl");
-  commands[3].arguments.samples = "1e5";
-  validate_app.add_option("PROBLEM", commands[3].arguments.problems, "Ids or names; all when there is none");
-  validate_app.add_flag("--hard", commands[3].arguments.hard,
-                        "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
-  validate_app.add_flag("--report", commands[3].arguments.report,
-                        "Instead: every figure of reliability as a page of Markdown, with intervals over N / 100 "
-                        "replications (at most 1e4); -o FILE.md brings FILE.json");
-  add_plan(validate_app, commands[3].arguments);
-  add_checkpoint(validate_app, commands[3].arguments);
-  add_output(validate_app, commands[3].arguments);
+  Subcommand& validate = add("validate", "Hold every estimator against the exact answers",
+                             "  debias validate\n"
+                             "  debias validate A01 A02 --samples 1e6\n"
+                             "  debias validate --hard\n"
+                             "  debias validate --report --samples 1e6 -o report.md\n"
+                             "  debias validate --json -o cells.jsonl");
+  validate.app->add_option("PROBLEM", validate.words.names, "Ids or names; all when there is none");
+  validate.flag("hard", "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
+  validate.flag("report",
+                "Instead: every figure of reliability as a page of Markdown, with intervals over N / 100 "
+                "replications (at most 1e4); -o FILE.md brings FILE.json");
+  add_plan(validate);
+  add_checkpoint(validate);
+  add_output(validate);
 
-  CLI::App& survey_app =
-      add(4, "survey", debias::cli::survey, "Measure the levels of a problem: decay, growth, and whether a law exists",
-          "  debias survey A01\n"
-          "  debias survey A01 --levels 12 --samples 1e5 --json");
-  Arguments& surveyed = commands[4].arguments;
-  surveyed.samples = "1e4";
-  surveyed.levels = "10";
-  survey_app.add_option("PROBLEM", surveyed.problem, "Id or name, see `debias list`")->required();
-  survey_app.add_option("--levels", surveyed.levels, "Levels 0 to L - 1")->type_name("L");
-  add_plan(survey_app, surveyed);
-  add_output(survey_app, surveyed);
+  Subcommand& survey = add("survey", "Measure the levels of a problem: decay, growth, and whether a law exists",
+                           "  debias survey A01\n"
+                           "  debias survey A01 --levels 12 --samples 1e5 --json");
+  survey.problem();
+  survey.value("levels", "L", "Levels 0 to L - 1");
+  add_plan(survey);
+  add_output(survey);
 
-  CLI::App& tradeoff_app = add(5, "tradeoff", tradeoff, "Sweep the law of a problem: variance against work",
-                               "  debias tradeoff A10\n"
-                               "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
-  Arguments& swept = commands[5].arguments;
-  swept.samples = "1e5";
-  tradeoff_app.add_option("PROBLEM", swept.problem, "Id or name, see `debias list`")->required();
-  tradeoff_app.add_option("--family", swept.family, "geometric, zeta or poisson")->type_name("NAME");
-  tradeoff_app.add_option("--points", swept.points, "Laws to try")->type_name("K");
-  tradeoff_app.add_option("--estimator", swept.estimator, "single_term or single_term_drawn")->type_name("NAME");
-  tradeoff_app.add_option("--base-level", swept.base_level, "Lowest level m; auto is the lowest that behaves")
-      ->type_name("M");
-  tradeoff_app.add_option("--block", swept.block, "Members of a block of systematic strata")->type_name("N");
-  tradeoff_app.add_flag("--csv", swept.csv, "Comma-separated values instead of a text");
-  add_plan(tradeoff_app, swept);
-  add_checkpoint(tradeoff_app, swept);
-  add_output(tradeoff_app, swept);
+  Subcommand& tradeoff = add("tradeoff", "Sweep the law of a problem: variance against work",
+                             "  debias tradeoff A10\n"
+                             "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
+  tradeoff.problem();
+  tradeoff.value("family", "NAME", "geometric, zeta or poisson");
+  tradeoff.value("points", "K", "Laws to try");
+  tradeoff.value("estimator", "NAME", "single_term or single_term_drawn");
+  tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
+  tradeoff.value("block", "N", "Members of a block of systematic strata");
+  tradeoff.app->add_flag("--csv", tradeoff.delivery.csv, "Comma-separated values instead of a text");
+  add_plan(tradeoff);
+  add_checkpoint(tradeoff);
+  add_output(tradeoff);
 
-  CLI::App& diagnose_app =
-      add(6, "diagnose", diagnose, "Mean, error, tails and a verdict on the variance of numbers from a file",
-          "  debias diagnose samples.txt\n"
-          "  debias diagnose table.csv --column flux --json\n"
-          "  simulation | debias diagnose - --format f64");
-  Arguments& diagnosed = commands[6].arguments;
-  diagnose_app.add_option("FILE", diagnosed.file, "One number a row, or CSV with a header; - is standard input")
+  Subcommand& diagnose = add("diagnose", "Mean, error, tails and a verdict on the variance of numbers from a file",
+                             "  debias diagnose samples.txt\n"
+                             "  debias diagnose table.csv --column flux --json\n"
+                             "  simulation | debias diagnose - --format f64");
+  diagnose.app
+      ->add_option("FILE", diagnose.words.values["file"], "One number a row, or CSV with a header; - is standard input")
       ->required();
-  diagnose_app.add_option("--column", diagnosed.column, "Name, or number from 1")->type_name("C");
-  diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")->type_name("F");
-  add_output(diagnose_app, diagnosed);
+  diagnose.value("column", "C", "Name, or number from 1");
+  diagnose.value("format", "F", "text, or f64: little-endian doubles");
+  add_output(diagnose);
 
-  CLI::App& render_app = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");
-  render_app.require_subcommand(1);
-  const auto add_picture = [&](Arguments& a, CLI::App& scene) {
-    scene.add_option("--size", a.size, "Pixels")->type_name("WxH");
-    scene.add_option("--exposure", a.exposure, "Factor of the PNG, before the sRGB curve")->type_name("X");
-    scene.add_flag("--compare", a.compare,
-                   "All estimators and the reference, into the folder -o; see README for the sheet");
-    scene.add_option("--seed", a.seed, "Any number of 64 bits, or random")->type_name("S");
-    scene.add_option("--threads", a.threads, "0 takes all cores; the image does not depend on it")->type_name("T");
-    add_checkpoint(scene, a);
-    add_output(scene, a);
-    scene.get_option("--output")->required();
+  CLI::App& render = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");
+  render.require_subcommand(1);
+  const auto add_picture = [](Subcommand& scene) {
+    scene.value("size", "WxH", "Pixels");
+    scene.value("exposure", "X", "Factor of the PNG, before the sRGB curve");
+    scene.flag("compare", "All estimators and the reference, into the folder -o; see README for the sheet");
+    scene.value("seed", "S", "Any number of 64 bits, or random");
+    scene.value("threads", "T", "0 takes all cores; the image does not depend on it");
+    add_checkpoint(scene);
+    add_output(scene);
+    scene.app->get_option("--output")->required();
   };
-  CLI::App& cloud_app = add_to(render_app, 7, "transmittance", render_transmittance,
-                               "A cloud in a box: one transmittance estimate per sample and pixel",
-                               "  debias render transmittance -o cloud.png\n"
-                               "  debias render transmittance --estimator ratio_tracking --spp 256 -o cloud.pfm\n"
-                               "  debias render transmittance --volume smoke.raw --dims 64x64x64 -o smoke.png\n"
-                               "  debias render transmittance --compare --equal-time 4s -o folder");
-  Arguments& clouded = commands[7].arguments;
-  cloud_app.add_option("--estimator", clouded.estimator, "telescoping_2 when there is none")->type_name("NAME");
-  cloud_app.add_option("--spp", clouded.spp, "Samples per pixel")->type_name("N");
-  cloud_app
-      .add_option("--equal-time", clouded.equal_time,
-                  "As many samples per pixel as take this time; a pilot fixes them before the run")
-      ->type_name("T");
-  cloud_app.add_option("--volume", clouded.volume, "Raw 32-bit floats, x fastest, in place of the cloud")
-      ->type_name("FILE");
-  cloud_app.add_option("--dims", clouded.dimensions, "Of the volume")->type_name("XxYxZ");
-  cloud_app.add_option("--density", clouded.density, "Extinction: the largest of the cloud, of a 1 in the volume")
-      ->type_name("X");
-  add_picture(clouded, cloud_app);
-  CLI::App& photon_app = add_to(render_app, 8, "photons", render_photons,
-                                "A lamp, a glass sphere and a floor: the caustic, from photons in a shrinking radius",
-                                "  debias render photons -o caustic.png\n"
-                                "  debias render photons --estimator progressive --photons 1e7 -o caustic.pfm\n"
-                                "  debias render photons --compare --allow-infinite-mean -o folder");
-  Arguments& lit = commands[8].arguments;
-  photon_app.add_option("--estimator", lit.estimator, "balanced when there is none")->type_name("NAME");
-  photon_app.add_option("--photons", lit.photons, "Expected, of the whole image")->type_name("N");
-  photon_app.add_option("--scene", lit.scene, "sphere, or direct: the lamp alone")->type_name("NAME");
-  photon_app.add_flag("--allow-infinite-mean", lit.allow_infinite_mean,
-                      "Run the alpha schedule, whose mean does not converge");
-  add_picture(lit, photon_app);
+  Subcommand& cloud =
+      add_to(render, "render transmittance", "A cloud in a box: one transmittance estimate per sample and pixel",
+             "  debias render transmittance -o cloud.png\n"
+             "  debias render transmittance --estimator ratio_tracking --spp 256 -o cloud.pfm\n"
+             "  debias render transmittance --volume smoke.raw --dims 64x64x64 -o smoke.png\n"
+             "  debias render transmittance --compare --equal-time 4s -o folder");
+  cloud.value("estimator", "NAME", "telescoping_2 when there is none");
+  cloud.value("spp", "N", "Samples per pixel");
+  cloud.value("equal_time", "T", "As many samples per pixel as take this time; a pilot fixes them before the run");
+  cloud.value("volume", "FILE", "Raw 32-bit floats, x fastest, in place of the cloud");
+  cloud.value("dims", "XxYxZ", "Of the volume");
+  cloud.value("density", "X", "Extinction: the largest of the cloud, of a 1 in the volume");
+  add_picture(cloud);
+  Subcommand& photons = add_to(render, "render photons",
+                               "A lamp, a glass sphere and a floor: the caustic, from photons in a shrinking radius",
+                               "  debias render photons -o caustic.png\n"
+                               "  debias render photons --estimator progressive --photons 1e7 -o caustic.pfm\n"
+                               "  debias render photons --compare --allow-infinite-mean -o folder");
+  photons.value("estimator", "NAME", "balanced when there is none");
+  photons.value("photons", "N", "Expected, of the whole image");
+  photons.value("scene", "NAME", "sphere, or direct: the lamp alone");
+  photons.flag("allow_infinite_mean", "Run the alpha schedule, whose mean does not converge");
+  add_picture(photons);
 
-  for (Subcommand& command : commands) {
-    if (command.execute != validate) {
-      command.app->add_flag("--json", command.arguments.json, "One JSON value instead of a text");
-    } else {
-      command.app->add_flag("--json", command.arguments.json, "One JSON object per line, the last one a summary");
-    }
-    command.app->allow_extras();
+  for (Subcommand& c : all) {
+    c.app->add_flag(
+        "--json", c.delivery.json,
+        &c == &validate ? "One JSON object per line, the last one a summary" : "One JSON value instead of a text");
+    c.app->allow_extras();
   }
   app.allow_extras();
   app.require_subcommand(0, 1);
@@ -316,26 +313,19 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
     out.flush();
     return std::nullopt;
   }
-  return chosen(app, commands);
+  return chosen(app, all);
+}
+
+int execute(const Command& command) {
+  return std::visit([&command](const auto& request) { return execute(request, command.delivery); }, command.request);
 }
 
 int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
-  auto command = read_command_line(argc, argv);
-  if (!command) return done;
-  Arguments& arguments = command->arguments;
-  if (ranks != nullptr) {
-    if (command->execute != run && command->execute != resume) {
-      throw std::invalid_argument(
-          "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start "
-          "it without mpirun");
-    }
-    arguments.ranks = ranks;
-    if (arguments.seed == "random") {
-      const auto draw = [&] { return read_plan(arguments).seed; };
-      arguments.seed = std::to_string(debias::detail::share<std::uint64_t>(ranks, draw));
-    }
-  }
-  return command->execute(arguments);
+  const auto typed = read_command_line(argc, argv);
+  if (!typed) return done;
+  Command command{read_request(typed->command, typed->words), typed->delivery};
+  if (ranks != nullptr) share(command.request, ranks);
+  return execute(command);
 }
 
 int exit_code_of_current_exception() {
@@ -351,6 +341,10 @@ int exit_code_of_current_exception() {
     return say_interrupted();
   } catch (const SampleError& e) {
     return report_sample(e);
+  } catch (const commands::BadPart& e) {
+    return report(file_error, e.what());
+  } catch (const commands::BadRequest& e) {
+    return report(bad_usage, e.spelled(option));
   } catch (const std::invalid_argument& e) {
     return report(bad_usage, e.what());
   } catch (const std::length_error& e) {

@@ -1,21 +1,23 @@
 #pragma once
 
-// Which words the command line has, which function reads them, and what an exception exits with.
+// Which words the command line has, and what an exception exits with.
 
 #include <optional>
 
-#include "arguments.hpp"
+#include "execute.hpp"
 
 namespace debias::cli {
 
-struct Command {
-  Arguments arguments;
-  int (*execute)(const Arguments&) = nullptr;
+/// The words that were typed: of the command that is named, with where its report goes.
+struct Typed {
+  std::string command;
+  Words words;
+  Delivery delivery;
 };
 
-/// The command that was typed; none, where that was --help or --version, which is printed. Throws
-/// std::invalid_argument for words that it does not have; their values are read by the command.
-std::optional<Command> read_command_line(int argc, const char* const* argv);
+/// None, where that was --help or --version, which is printed. Throws std::invalid_argument for words that no command has;
+/// their values are not read.
+std::optional<Typed> read_command_line(int argc, const char* const* argv);
 
 /// Reads and executes; the exit code. Ranks share what a run draws.
 int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks = nullptr);

@@ -3,8 +3,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <csignal>
@@ -15,7 +13,7 @@
 #include <system_error>
 #include <utility>
 
-#include <debias/core/stream.hpp>
+#include "commands/text.hpp"
 
 namespace debias::cli {
 namespace {
@@ -109,15 +107,25 @@ double Progress::seconds() const { return std::chrono::duration<double>(Clock::n
 
 std::string share_of(double done, double total, double seconds) {
   const double left = seconds * (total - done) / done;
-  return rounded(std::floor(100 * done / total)) + " %, " + rounded(std::ceil(left), 6) + " s left";
+  return commands::rounded(std::floor(100 * done / total)) + " %, " + commands::rounded(std::ceil(left), 6) + " s left";
 }
 
-std::function<bool(std::string_view, double, double)> watch_on(Progress& progress) {
+std::function<bool(std::string_view, double, double)> watch_samples(Progress& progress) {
   return [&progress](std::string_view what, double done, double total) {
     if (progress.due()) {
-      progress.show(
-          std::string(what) + ", " + rounded(done) +
-          (total > 0 ? " of " + rounded(total) + " samples, " + share_of(done, total, progress.seconds()) : " draws"));
+      progress.show(std::string(what) + ", " + commands::rounded(done) +
+                    (total > 0
+                         ? " of " + commands::rounded(total) + " samples, " + share_of(done, total, progress.seconds())
+                         : " draws"));
+    }
+    return !interrupted();
+  };
+}
+
+std::function<bool(std::string_view, double, double)> watch_share(Progress& progress) {
+  return [&progress](std::string_view what, double done, double total) {
+    if (progress.due()) {
+      progress.show(std::string(what) + (done > 0 ? ", " + share_of(done, total, progress.seconds()) : ""));
     }
     return !interrupted();
   };
@@ -156,55 +164,6 @@ void complain(std::string_view message) {
     if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
   }
   std::cerr << line + "\n" << std::flush;
-}
-
-std::string version_text() {
-  std::string text = "debias " DEBIAS_VERSION "\nstream layout " + std::to_string(Stream::layout_version);
-#ifdef __clang__
-  text += "\ncompiler " __VERSION__;
-#else
-  text += "\ncompiler g++ " __VERSION__;
-#endif
-#ifdef __OPTIMIZE__
-  text += ", optimised";
-#else
-  text += ", not optimised";
-#endif
-#ifndef NDEBUG
-  text += ", assertions on";
-#endif
-  return text;
-}
-
-std::string rounded(double x, int digits) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.*g", digits, x);
-  return text.data();
-}
-
-void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths) {
-  std::string line;
-  for (std::size_t i = 0; i < row.size(); ++i) {
-    line += row[i];
-    const std::size_t width = i < widths.size() ? widths[i] : 0;
-    line.append(row[i].size() < width ? width - row[i].size() : 0, ' ');
-    line += "  ";
-  }
-  line.erase(line.find_last_not_of(' ') + 1);
-  out << line << '\n';
-}
-
-void print_table(std::ostream& out, const std::vector<Row>& rows) {
-  std::vector<std::size_t> widths;
-  for (const Row& row : rows) {
-    widths.resize(std::max(widths.size(), row.size()));
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-  }
-  for (const Row& row : rows) print_row(out, row, widths);
-}
-
-void print_line(std::ostream& out, const std::string& name, const std::string& text) {
-  print_row(out, {name, text}, {12});
 }
 
 }  // namespace debias::cli

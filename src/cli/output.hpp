@@ -3,16 +3,13 @@
 // Where words go: results to a checked stream, progress and complaints to standard error; and the exit codes.
 
 #include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <fstream>
 #include <functional>
-#include <iosfwd>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <vector>
 
 namespace debias::cli {
 
@@ -80,8 +77,10 @@ class Progress {
 
 /// "62 %, 12 s left".
 std::string share_of(double done, double total, double seconds);
-/// A Watch (commands.hpp) that shows each step, and ends where a signal came.
-std::function<bool(std::string_view what, double done, double total)> watch_on(Progress& progress);
+/// A Watch (commands/request.hpp) that shows each step, and ends where a signal came: samples that are drawn, or the
+/// share of what there is to do.
+std::function<bool(std::string_view what, double done, double total)> watch_samples(Progress& progress);
+std::function<bool(std::string_view what, double done, double total)> watch_share(Progress& progress);
 
 /// A standard stream that is closed fails from here on where it is used; else the next file that is opened would get
 /// its number, and what is meant for the stream.
@@ -99,18 +98,5 @@ void be_silent();
 
 /// `debias: message` on standard error, as one line whatever the message holds.
 void complain(std::string_view message);
-
-/// Program, stream layout and compiler, a line each.
-std::string version_text();
-
-/// At most `digits` significant digits, for people to read.
-std::string rounded(double x, int digits = 4);
-
-using Row = std::vector<std::string>;
-/// Left-aligned columns, two blanks apart.
-void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths);
-void print_table(std::ostream& out, const std::vector<Row>& rows);
-/// A name and a text in the columns of a printed Statistics.
-void print_line(std::ostream& out, const std::string& name, const std::string& text);
 
 }  // namespace debias::cli

@@ -1,226 +1,40 @@
-#include <cmath>
-#include <ostream>
+// run, resume and merge: the same run as ever, with its finished chunks on disk; resume also calls the other commands that
+// keep their parts.
+
+#include <optional>
 #include <stdexcept>
-#include <string>
+#include <system_error>
 #include <utility>
 
-#include "commands.hpp"
-#include "json.hpp"
-#include "output.hpp"
+#include "commands/text.hpp"
+#include "core/ranks.hpp"
+#include "execute.hpp"
 #include "session.hpp"
 
 namespace debias::cli {
 namespace {
 
-Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choice) {
-  if (const catalog::Special* special = catalog::find_special(problem, choice.special)) {
-    Verdict v;
-    v.finite_variance = true;
-    v.finite_work = true;
-    v.sentence = special->description;
-    if (!special->reason.empty()) v.sentence += "; " + special->reason;
-    if (special->kurtosis > 0 && std::isfinite(special->kurtosis)) {
-      v.sentence += " a kurtosis of " + rounded(special->kurtosis, 3);
-    }
-    return v;
-  }
-  if (std::isnan(problem.rates.variance)) {  // nothing is declared
-    Verdict v;
-    v.finite_variance = true;
-    v.finite_work = true;
-    return v;
-  }
-  if (choice.method != catalog::Method::truncated) {
-    return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
-  }
-  Verdict v;
-  v.finite_variance = true;
-  v.finite_work = true;
-  v.sentence = "one level only: its bias is no part of the standard error";
-  return v;
-}
+using commands::KeptRun;
+using commands::RunReport;
+using commands::RunRequest;
 
-}  // namespace
+const std::string part = "run";
 
-std::string title(const catalog::Problem& p) {
-  return (p.id.empty() ? "" : p.id + " ") + p.name + (p.formula.empty() ? "" : ": " + p.formula);
-}
+Parts parts_of(const RunState& sums) { return {{part, encode(sums)}}; }
 
-std::string law_text(const catalog::Choice& choice) {
-  return choice.method == catalog::Method::truncated || !choice.special.empty() ? "" : choice.law.spec();
-}
+std::string text_of(const RunRequest& request) { return text_of(saved(request)); }
 
-void print(std::ostream& out, const Run& run) {
-  const Statistics& s = run.statistics;
-  print_line(out, "problem", title(*run.problem));
-  out << s;
-  if (run.interval.confidence != 0.95) {
-    print_line(out, "interval",
-               rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, 8) + ", " +
-                   rounded(run.interval.high, 8) + "]");
-  }
-  if (!s.largest.empty()) {
-    const LargeSample& l = s.largest.front();
-    print_line(
-        out, "largest",
-        rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " + std::to_string(l.level) + ")");
-  }
-  if (!std::isnan(run.z)) {
-    print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
-  }
-  if (!run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
-  if (!run.advice) return;
-  out << *run.advice;
-  if (run.problem->id.empty()) return;
-  const catalog::Choice& c = run.choice;
-  print_line(out, "replay",
-             "debias replay " + run.problem->id + " --estimator " + std::string(name_of(c)) + " --law '" +
-                 c.law.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
-                 std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
-}
-
-MultilevelRun multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
-  return prepared_multilevel_of(problem, arguments, watch, [](std::int64_t, Plan&) {});
-}
-
-// The biased baseline with a driver of its own: a target error instead of samples.
-MultilevelRun prepared_multilevel_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                                     const std::function<void(std::int64_t level, Plan&)>& prepare) {
-  Plan plan = read_plan(arguments);
-  if (!(plan.goal.error > 0)) {
-    throw std::invalid_argument("--estimator multilevel (takes its draws from --error); write --error 0.01");
-  }
-  if (arguments.law != "declared" || arguments.base_level != "auto" || arguments.block != "1") {
-    throw std::invalid_argument("--estimator multilevel (has no law, base level or block to choose); leave them out");
-  }
-  plan.progress = [&](std::int64_t finished) {
-    return watch(problem.id + ": level by level", static_cast<double>(finished), 0);
-  };
-  LevelRuns levels = problem.levels;
-  levels.draw = [&](std::int64_t level, Plan part) {
-    prepare(level, part);
-    return problem.levels.draw(level, part);
-  };
-  return {&problem, multilevel(levels, plan.goal.error, plan)};
-}
-
-void print(std::ostream& out, const MultilevelRun& run) {
-  print_line(out, "problem", title(*run.problem));
-  out << run.statistics;
-  const double distance = (run.statistics.components.front().mean - run.problem->truth) / run.statistics.goal;
-  if (std::isnan(distance)) return;
-  print_line(out, "truth", rounded(run.problem->truth, 15) + ", " + rounded(distance, 3) + " goals away");
-}
-
-AdviceOn advice_on(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
-  Plan plan = read_plan(arguments);
-  plan.progress = [&](std::int64_t finished) {
-    return watch(problem.id + ": pilot", static_cast<double>(finished), 0);
-  };
-  return {&problem, advise(problem.levels, plan, read_recipe(arguments, problem))};
-}
-
-void print(std::ostream& out, const AdviceOn& a) {
-  print_line(out, "problem", title(*a.problem));
-  out << a.advice;
-}
-
-Run run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch) {
-  return prepared_run_of(problem, arguments, watch, [](const catalog::Choice&, const Advice*, Plan&) {});
-}
-
-Run prepared_run_of(const catalog::Problem& problem, const Arguments& arguments, const Watch& watch,
-                    const std::function<void(const catalog::Choice&, const Advice*, Plan&)>& prepare) {
-  const bool by_recipe = wants_recipe(arguments);
-  catalog::Choice choice;
-  RecipeOptions options;
-  by_recipe ? void(options = read_recipe(arguments, problem)) : void(choice = read_choice(arguments, problem));
-  const double confidence = read_confidence(arguments.confidence);
-  Plan plan = read_plan(arguments);
-  double total = 0;
-  plan.progress = [&](std::int64_t finished) { return watch(problem.id, static_cast<double>(finished), total); };
-  std::optional<Advice> advice;
-  const Goal goal = plan.goal;
-  if (by_recipe) {
-    advice = advise(problem.levels, plan, options);
-    choice = {advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
-              advice->law, advice->base_level, "", advice->block};
-    plan = detail::plan_of(plan, *advice);
-  }
-  prepare(choice, advice ? &*advice : nullptr, plan);
-  total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
-  const Verdict verdict = verdict_of(problem, choice);
-  Statistics statistics = problem.run(choice, plan);
-  if (advice) detail::follow(statistics, *advice, goal);
-  if (choice.base_level < problem.lowest_base) {
-    statistics.warnings.push_back(
-        "the base level lies below " + std::to_string(problem.lowest_base) +
-        ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
-  }
-  const Interval interval = statistics.interval(confidence);
-  const double z =
-      (statistics.components.front().mean - problem.truth) / catalog::believed_error(statistics, problem.truth);
-  return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
-}
-
-int run_multilevel(const Arguments& arguments) {
-  if (!arguments.shard.empty()) {
-    throw std::invalid_argument("--shard (multilevel decides after each level, from all draws); leave it out");
-  }
-  if (arguments.ranks != nullptr && !arguments.checkpoint.empty()) {
-    throw std::invalid_argument(
-        "--checkpoint (ranks keep the run of one estimator, not the levels of multilevel); start it without mpirun");
-  }
-  const catalog::Problem& problem = catalog::find(arguments.problem);
-  Arguments words = arguments;
-  words.problem = problem.id;
-  words.seed = std::to_string(read_plan(arguments).seed);
-  Session session("run", words);
-  Output out(arguments.output);
-  Progress progress(arguments.quiet);
-  const auto prepare = [&](std::int64_t level, Plan& plan) {
-    session.attach(plan, "level " + std::to_string(level) + " from " + std::to_string(plan.first));
-  };
-  const MultilevelRun result =
-      session.guard([&] { return prepared_multilevel_of(problem, words, watch_on(progress), prepare); });
-  progress.erase();
-  session.flush();
-  if (arguments.json) {
-    out.stream() << multilevel_json(result) << '\n';
-  } else {
-    print(out.stream(), result);
-  }
-  out.flush();
-  if (result.statistics.converged) return done;
-  complain("the goal is missed: the levels are not enough");
-  return goal_missed;
-}
-
-int run_at_once(const Arguments& arguments) {
-  const catalog::Problem& problem = catalog::find(arguments.problem);
-  Output out(arguments.output);
-  Progress progress(arguments.quiet);
-  const Run result = run_of(problem, arguments, watch_on(progress));
-  progress.erase();
-  return finish(result, arguments, out);
-}
-
-int finish(const Run& result, const Arguments& arguments, Output& out) {
-  if (!result.verdict.finite_work && !arguments.quiet) complain("warning: " + result.verdict.sentence);
-
-  if (arguments.json) {
-    out.stream() << run_json(result) << '\n';
-  } else {
-    print(out.stream(), result);
-  }
-  out.flush();
-  const Statistics& s = result.statistics;
-  if (out.is_file() && !arguments.quiet) {
+// Prints the result; the exit code.
+int finish(const RunReport& report, const Delivery& delivery, Output& out) {
+  if (!report.verdict.finite_work && !delivery.quiet) complain("warning: " + report.verdict.sentence);
+  deliver(report, delivery, out);
+  const Statistics& s = report.statistics;
+  if (out.is_file() && !delivery.quiet) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
-    summary.stream() << result.problem->id << ' ' << result.problem->name << ": "
-                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", " << s.samples
-                     << " samples, seed " << s.seed << '\n';
+    summary.stream() << report.problem->id << ' ' << report.problem->name << ": "
+                     << with_error(c.mean, c.standard_error) << ", z = " << commands::rounded(report.z, 3) << ", "
+                     << s.samples << " samples, seed " << s.seed << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;
@@ -232,6 +46,169 @@ int finish(const Run& result, const Arguments& arguments, Output& out) {
            " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
            std::to_string(s.first_nonfinite));
   return nonfinite_samples;
+}
+
+// ---- files
+
+// True for a command whose parts are as long as its words say: any but the run of one estimator.
+bool is_multilevel(const Loaded& file) {
+  const auto at = file.saved.words.values.find("estimator");
+  return file.saved.command == "run" && at != file.saved.words.values.end() && at->second == "multilevel";
+}
+bool has_parts(const Loaded& file) { return file.saved.command != "run" || is_multilevel(file); }
+
+std::string command_of(const Loaded& file) {
+  return "`debias " + file.saved.command + (is_multilevel(file) ? " --estimator multilevel" : "") + "`";
+}
+
+// What the disk refuses, as a complaint about this path or option.
+template <class F>
+auto on_disk(const std::string& where, const F& f) {
+  try {
+    return f();
+  } catch (const std::system_error& e) {
+    throw FileError(where + e.what());
+  }
+}
+
+KeptRun run_in(const std::string& path, const Loaded& file) {
+  if (has_parts(file)) {
+    throw FileError("'" + path + "': of " + command_of(file) + "; only the shards of a run can be merged");
+  }
+  try {
+    KeptRun run{std::get<RunRequest>(read_request(file.saved.command, file.saved.words))};
+    const auto contents = file.parts.find(part);
+    if (contents != file.parts.end()) run.sums = std::make_shared<RunState>(decode(contents->second));
+    return run;
+  } catch (const std::invalid_argument& e) {
+    throw FileError("'" + path + "': " + e.what());
+  }
+}
+
+// True on the one process that touches files.
+bool leads(const RunRequest& request) { return request.sampling.ranks == nullptr || request.sampling.ranks->leads(); }
+
+// A file is written over by its own run only.
+void refuse_existing(const RunRequest& request, const std::string& path) {
+  if (!leads(request) || !is_regular_file(path)) return;
+  load(path);  // says what is wrong with it
+  throw FileError("--checkpoint '" + path + "': holds a run already; go on with `debias resume " + path +
+                  "`, or choose another name");
+}
+
+// Runs a request from what is there, and keeps it at `path`, if there is one. The text on disk is the one given until the
+// first samples are there, and then that of the very run: its law and its samples.
+int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, const std::string& path, std::string text,
+                 const Delivery& delivery) {
+  keep_apart(delivery.output, path);
+  Output out(delivery.output);
+  Progress progress(delivery.quiet);
+  std::optional<CheckpointWriter> writer;
+  if (!path.empty() && leads(request)) writer.emplace(path, text, earlier.sums ? parts_of(*earlier.sums) : Parts());
+  bool named = text == text_of(request);
+  const auto save = [&](const RunRequest& now, const RunState& sums) {
+    std::string latest = text_of(now);
+    if (latest == text) return writer->save(parts_of(sums));
+    text = std::move(latest);
+    writer->restart(text, parts_of(sums));
+    named = true;
+  };
+  try {
+    const RunReport report =
+        commands::run(request, watch_samples(progress), earlier, writer ? commands::SaveRun(save) : nullptr);
+    progress.erase();
+    return finish(report, delivery, out);
+  } catch (const Interrupted&) {
+    if (writer) {
+      complain("what is finished is on disk; go on with `debias resume " + path + "`" +
+               (named ? "" : ", and ask for the new goal again"));
+    }
+    throw;
+  } catch (const std::system_error& e) {
+    throw FileError(std::string("--checkpoint: ") + e.what());
+  }
+}
+
+// Another command than the run of one estimator: its words again, through the same door.
+int resume_parts(const Loaded& file, const Resume& request, const Delivery& delivery) {
+  if (request.ranks != nullptr) {
+    throw std::invalid_argument("resume: (ranks can share a run of one estimator only, '" + request.file + "' is of " +
+                                command_of(file) + "); start it without mpirun");
+  }
+  if (request.longer()) {
+    throw std::invalid_argument("resume: (only a run can be made longer, '" + request.file + "' is of " +
+                                command_of(file) + "); leave the wish out");
+  }
+  Command command;
+  command.delivery = delivery;
+  command.delivery.checkpoint = request.file;
+  command.delivery.held = std::make_shared<Parts>(file.parts);
+  command.delivery.csv = file.delivery.csv && !delivery.json;
+  if (delivery.output.empty()) command.delivery.output = file.delivery.output;
+  Words words = file.saved.words;
+  words.values["threads"] = std::to_string(request.threads);
+  try {
+    command.request = read_request(file.saved.command, words);
+  } catch (const std::invalid_argument& e) {
+    throw FileError("'" + request.file + "': " + e.what());
+  }
+  return execute(command);
+}
+
+}  // namespace
+
+int execute(const RunRequest& request, const Delivery& delivery) {
+  const std::string& path = delivery.checkpoint;
+  if (request.shard && path.empty()) {
+    throw std::invalid_argument("--shard (its part is of use only in a file); write --checkpoint FILE");
+  }
+  if (path.empty()) return run_and_keep(request, {}, path, "", delivery);
+  const RunRequest whole = commands::settled(request);
+  refuse_existing(request, path);
+  return on_disk("--checkpoint: ", [&] { return run_and_keep(whole, {}, path, text_of(whole), delivery); });
+}
+
+int execute(const commands::MultilevelRequest& request, const Delivery& delivery) {
+  if (request.ranks != nullptr && !delivery.checkpoint.empty()) {
+    throw std::invalid_argument(
+        "--checkpoint (ranks keep the run of one estimator, not the levels of multilevel); start it without mpirun");
+  }
+  Session session(saved(request), delivery);
+  Output out(delivery.output);
+  Progress progress(delivery.quiet);
+  const commands::Caller caller = session.caller(watch_samples(progress));
+  const commands::MultilevelReport report = session.guard([&] { return commands::multilevel(request, caller); });
+  progress.erase();
+  session.flush();
+  deliver(report, delivery, out);
+  if (report.statistics.converged) return done;
+  complain("the goal is missed: the levels are not enough");
+  return goal_missed;
+}
+
+int execute(const Resume& request, const Delivery& delivery) {
+  const Loaded file = load(request.file, request.ranks);
+  if (has_parts(file)) return resume_parts(file, request, delivery);
+  const KeptRun kept = run_in(request.file, file);
+  const auto [run, earlier] = commands::extended({kept, request.samples, request.goal, request.threads, request.ranks});
+  // No goal whose samples are not known.
+  const std::string text = text_of(request.goal.asked() ? kept.request : run);
+  return on_disk(
+      "", [&, &run = run, &earlier = earlier] { return run_and_keep(run, earlier, request.file, text, delivery); });
+}
+
+int execute(const Merge& request, const Delivery& delivery) {
+  commands::MergeRequest shards;
+  for (const std::string& path : request.files) {
+    keep_apart(delivery.output, path);
+    shards.shards.emplace_back(path, run_in(path, load(path)));
+  }
+  shards.same = [](const RunRequest& a, const RunRequest& b) { return text_of(a) == text_of(b); };
+  const KeptRun whole = commands::merged(shards);
+  if (!delivery.checkpoint.empty()) refuse_existing(whole.request, delivery.checkpoint);
+  return on_disk("--checkpoint: ", [&] {
+    return run_and_keep(whole.request, {whole.sums}, delivery.checkpoint, text_of(whole.request), delivery);
+  });
 }
 
 }  // namespace debias::cli

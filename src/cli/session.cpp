@@ -3,60 +3,18 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <array>
-#include <memory>
 #include <stdexcept>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
-#include "../core/ranks.hpp"
-#include "output.hpp"
+#include "core/ranks.hpp"
 
 namespace debias::cli {
 namespace {
 
-constexpr std::array<std::pair<const char*, std::string Arguments::*>, 24> words = {{
-    {"problem", &Arguments::problem},
-    {"estimator", &Arguments::estimator},
-    {"law", &Arguments::law},
-    {"base_level", &Arguments::base_level},
-    {"block", &Arguments::block},
-    {"seed", &Arguments::seed},
-    {"samples", &Arguments::samples},
-    {"error", &Arguments::error},
-    {"relative_error", &Arguments::relative_error},
-    {"time", &Arguments::time},
-    {"confidence", &Arguments::confidence},
-    {"shard", &Arguments::shard},
-    {"family", &Arguments::family},
-    {"points", &Arguments::points},
-    {"spp", &Arguments::spp},
-    {"equal_time", &Arguments::equal_time},
-    {"size", &Arguments::size},
-    {"volume", &Arguments::volume},
-    {"dims", &Arguments::dimensions},
-    {"density", &Arguments::density},
-    {"exposure", &Arguments::exposure},
-    {"photons", &Arguments::photons},
-    {"scene", &Arguments::scene},
-    {"output", &Arguments::output},
-}};
-
-constexpr std::array<std::pair<const char*, bool Arguments::*>, 3> flags = {{
-    {"csv", &Arguments::csv},
-    {"compare", &Arguments::compare},
-    {"allow_infinite_mean", &Arguments::allow_infinite_mean},
-}};
-
 constexpr double save_interval = 1;  // seconds
 constexpr double save_cost = 100;    // times what a save takes
-
-bool is_file(const std::string& path) {
-  struct stat status = {};
-  return stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
-}
 
 // "A01 B02"
 std::string joined(const std::vector<std::string>& names) {
@@ -76,43 +34,58 @@ std::vector<std::string> split_at(const std::string& text, char separator) {
 }
 
 // The words of a file; throws std::invalid_argument where they are not those of text_of.
-std::pair<std::string, Arguments> words_of(const std::string& text) {
-  const std::vector<std::string> lines = split_at(text, '\n');
-  std::size_t at = 0;
-  const auto value = [&](const std::string& name) {
-    if (at < lines.size() && lines[at].compare(0, name.size() + 1, name + "=") == 0)
-      return lines[at++].substr(name.size() + 1);
-    throw std::invalid_argument("no checkpoint of a command: no " + name);
+Loaded words_of(const std::string& text) {
+  Loaded file;
+  Words& words = file.saved.words;
+  for (const std::string& line : split_at(text, '\n')) {
+    const std::size_t end = line.find_first_of("=:");
+    if (end == std::string::npos) throw std::invalid_argument("no checkpoint of a command: '" + line + "'");
+    const std::string name = line.substr(0, end);
+    const std::string value = line.substr(end + 1);
+    line[end] == '=' ? void(words.values[name] = value) : void(words.flags[name] = value == "yes");
+  }
+  const auto take = [&words](const std::string& name) {
+    auto word = words.values.extract(name);
+    if (word.empty()) throw std::invalid_argument("no checkpoint of a command: no " + name);
+    return word.mapped();
   };
-  const std::string version = value("version");
+  const std::string version = take("version");
   if (version != DEBIAS_VERSION) {
     throw std::invalid_argument("written by debias " + version + ", this is " DEBIAS_VERSION +
                                 " (another version may draw other samples)");
   }
-  std::string command = value("command");
-  Arguments a;
-  a.problems = split_at(value("problems"), ' ');
-  for (const auto& [name, member] : words) a.*member = value(name);
-  for (const auto& [name, member] : flags) a.*member = value(name) == "yes";
-  return {std::move(command), std::move(a)};
+  file.saved.command = take("command");
+  words.names = split_at(take("names"), ' ');
+  file.delivery.output = take("output");
+  file.delivery.csv = words.flags["csv"];
+  words.flags.erase("csv");
+  return file;
 }
 
 }  // namespace
 
-std::string text_of(const std::string& command, const Arguments& a) {
+bool is_regular_file(const std::string& path) {
+  struct stat status = {};
+  return stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+}
+
+std::string text_of(const Saved& saved, const Delivery& delivery) {
   std::string text;
-  const auto add = [&](const std::string& name, const std::string& value) {
+  const auto add = [&text](const std::string& name, char sign, const std::string& value) {
     if (value.find('\n') != std::string::npos) {
       throw std::invalid_argument("--checkpoint: (a line break in " + name +
                                   " has no place in the file); write another " + name);
     }
-    text += name + "=" + value + "\n";
+    text += name + sign + value + "\n";
   };
-  add("version", DEBIAS_VERSION);
-  add("command", command);
-  add("problems", joined(a.problems));
-  for (const auto& [name, member] : words) add(name, a.*member);
-  for (const auto& [name, member] : flags) add(name, a.*member ? "yes" : "no");
+  const auto add_flag = [&add](const std::string& name, bool is) { add(name, ':', is ? "yes" : "no"); };
+  add("version", '=', DEBIAS_VERSION);
+  add("command", '=', saved.command);
+  add("names", '=', joined(saved.words.names));
+  for (const auto& [name, value] : saved.words.values) add(name, '=', value);
+  add("output", '=', delivery.output);
+  for (const auto& [name, value] : saved.words.flags) add_flag(name, value);
+  add_flag("csv", delivery.csv);
   return text;
 }
 
@@ -130,8 +103,9 @@ Loaded load(const std::string& path, debias::detail::Ranks* ranks) {
       const Checkpoint whole = read();
       return encode(whole.text, whole.parts);
     }));
-    auto [command, arguments] = words_of(file.text);
-    return {std::move(command), std::move(arguments), std::move(file.parts)};
+    Loaded loaded = words_of(file.text);
+    loaded.parts = std::move(file.parts);
+    return loaded;
   } catch (const std::invalid_argument& e) {
     throw FileError("'" + path + "': " + e.what());
   } catch (const std::system_error& e) {
@@ -139,17 +113,17 @@ Loaded load(const std::string& path, debias::detail::Ranks* ranks) {
   }
 }
 
-Session::Session(const std::string& command, const Arguments& arguments) : path_(arguments.checkpoint) {
+Session::Session(const Saved& saved, const Delivery& delivery) : path_(delivery.checkpoint) {
   if (path_.empty()) return;
-  keep_apart(arguments.output, path_);
-  const std::string text = text_of(command, arguments);
-  if (arguments.resumed != nullptr) {
-    held_ = arguments.resumed->parts;
-  } else if (is_file(path_)) {
+  keep_apart(delivery.output, path_);
+  const std::string text = text_of(saved, delivery);
+  if (delivery.held) {
+    held_ = *delivery.held;
+  } else if (is_regular_file(path_)) {
     const Loaded there = load(path_);
     throw FileError("--checkpoint '" + path_ + "': " +
-                    (text_of(there.command, there.arguments) == text
-                         ? "holds this " + command + " already; go on with `debias resume " + path_ + "`"
+                    (text_of(there.saved, there.delivery) == text
+                         ? "holds this " + saved.command + " already; go on with `debias resume " + path_ + "`"
                          : "holds another command; choose another name"));
   }
   try {
@@ -186,19 +160,6 @@ void Session::flush() {
   const std::chrono::duration<double> wait(
       std::max(save_interval, save_cost * std::chrono::duration<double>(ended - began).count()));
   due_ = ended + std::chrono::duration_cast<Clock::duration>(wait);
-}
-
-void Session::attach(Plan& plan, const std::string& part) {
-  if (!writer_) return;
-  plan.earlier = nullptr;
-  if (const Bytes* contents = held(part)) {
-    try {
-      plan.earlier = std::make_shared<RunState>(decode(*contents));
-    } catch (const std::invalid_argument& e) {
-      throw FileError("'" + path_ + "': " + e.what());
-    }
-  }
-  plan.save = [this, part](const RunState& state, const Plan&) { keep(part, encode(state)); };
 }
 
 void Session::suspend() {

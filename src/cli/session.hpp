@@ -1,50 +1,47 @@
 #pragma once
 
-// What a command has finished, on disk: the words of the command line and the parts that it consists of (the run of
-// `run`, the cells of `validate`, the points of `tradeoff`, the images of `render`). A part that is held is taken up where
-// it was left; whatever lies between the parts (pilots, surveys) is drawn again, to the same bits.
+// What a command has finished, on disk: its words, and its parts (the run of `run`, the cells of `validate`, the points of
+// `tradeoff`, the images of `render`).
 
 #include <chrono>
-#include <functional>
 #include <optional>
 #include <string>
 
-#include <debias/core/result.hpp>
-
-#include "../core/checkpoint.hpp"
-#include "arguments.hpp"
+#include "commands/store.hpp"
+#include "core/checkpoint.hpp"
+#include "execute.hpp"
 
 namespace debias::cli {
 
-/// The words of a command that decide its numbers, as text; seeds are numbers by now. Throws std::invalid_argument for a
-/// line break.
-std::string text_of(const std::string& command, const Arguments& arguments);
+/// The words as the text of a file. Throws std::invalid_argument for a line break.
+std::string text_of(const Saved& saved, const Delivery& delivery = {});
 
 /// A file as it was read.
 struct Loaded {
-  std::string command;
-  Arguments arguments;
+  Saved saved;
+  Delivery delivery;  ///< output and csv
   Parts parts;
 };
 /// Throws FileError; says where the tail is torn. The leading one of `ranks` reads for all.
 Loaded load(const std::string& path, debias::detail::Ranks* ranks = nullptr);
 
-class Session {
+bool is_regular_file(const std::string& path);
+
+class Session final : public commands::Store {
  public:
   /// Nothing is kept where there is no --checkpoint. A file that exists is taken up where `resume` asks for it, and
   /// refused else. Throws FileError.
-  Session(const std::string& command, const Arguments& arguments);
+  Session(const Saved& saved, const Delivery& delivery);
 
-  /// Null where nothing is held.
-  [[nodiscard]] const Bytes* held(const std::string& part) const;
+  [[nodiscard]] const Bytes* held(const std::string& part) const override;
   /// True when a second has gone by since the last write, and a hundred times what that took.
-  [[nodiscard]] bool due() const;
+  [[nodiscard]] bool due() const override;
   /// Written with the next flush, which it does itself when it is due.
-  void keep(const std::string& part, Bytes contents);
+  void keep(const std::string& part, Bytes contents) override;
   /// Throws FileError where the disk refuses.
   void flush();
-  /// Takes up the samples of a part, and keeps those to come.
-  void attach(Plan& plan, const std::string& part);
+  /// A caller of a command that keeps its parts here, if anything is kept.
+  commands::Caller caller(commands::Watch watch) { return {std::move(watch), writer_ ? this : nullptr}; }
   /// What `draw` returns; an interrupt suspends on its way.
   template <class Draw>
   auto guard(const Draw& draw) {
@@ -53,6 +50,8 @@ class Session {
     } catch (const Interrupted&) {
       suspend();
       throw;
+    } catch (const commands::BadPart& e) {
+      throw FileError("'" + path_ + "': " + e.what());
     }
   }
   /// Writes what there is, and how to go on: for a command that is interrupted.

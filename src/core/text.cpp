@@ -142,6 +142,25 @@ std::uint64_t parse_count(std::string_view text, std::string_view what, std::uin
       (meant.empty() ? "write a whole number such as 1000, 1e6 or 1_000_000" : "did you mean '" + meant + "'?"));
 }
 
+double parse_positive(std::string_view text, std::string_view what) {
+  const double x = parse_double(text, what);
+  if (x > 0) return x;
+  throw std::invalid_argument(std::string(what) + " = '" + std::string(text) + "' (must be positive)");
+}
+
+double parse_seconds(std::string_view text, std::string_view what) {
+  const bool unit = !text.empty() && text.back() == 's';
+  return parse_positive(unit ? text.substr(0, text.size() - 1) : text, what);
+}
+
+double parse_share(std::string_view text, std::string_view what) {
+  const double x = parse_double(text, what);
+  if (x > 0 && x < 1) return x;
+  const double meant = x >= 1 && x < 100 ? x / 100 : 0.95;
+  throw std::invalid_argument(std::string(what) + " = '" + std::string(text) +
+                              "' (must lie in (0, 1)); did you mean '" + to_text(meant) + "'?");
+}
+
 std::string to_text(double x) {
   std::array<char, 32> digits{};  // the longest double, -2.2250738585072014e-308, has 24
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x).ptr;

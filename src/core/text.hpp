@@ -20,6 +20,11 @@ double parse_double(std::string_view text, std::string_view what);
 /// to some), trailing characters.
 std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low, std::uint64_t high);
 
+/// The same for a positive number; for one of seconds, "10" or "10s"; and for one in (0, 1), with a near miss for percents.
+double parse_positive(std::string_view text, std::string_view what);
+double parse_seconds(std::string_view text, std::string_view what);
+double parse_share(std::string_view text, std::string_view what);
+
 /// The fewest digits that parse_double reads back as the same double.
 std::string to_text(double x);
 

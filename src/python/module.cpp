@@ -1,6 +1,6 @@
-// debias._debias: the commands of the program for Python. Each takes a problem (a name of the catalogue, or one of
-// the user's own), the words of the command line by their names, and whoever wants to see the progress; it returns
-// the text that the program prints and its JSON. What belongs to Python alone lives in debias/__init__.py.
+// debias._debias: the commands for Python. Each takes a problem (a name of the catalogue, or one of the user's own), keyword
+// arguments, and whoever wants to see the progress; it returns its report as text, as JSON and as a dict. What belongs to
+// Python alone lives in debias/__init__.py.
 
 #include <pybind11/functional.h>
 #include <pybind11/numpy.h>
@@ -9,16 +9,15 @@
 
 #include <unistd.h>
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <future>
 #include <limits>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <sstream>
@@ -27,13 +26,13 @@
 #include <thread>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
-#include "../catalog.hpp"
-#include "../cli/arguments.hpp"
-#include "../cli/commands.hpp"
-#include "../cli/diagnose.hpp"
-#include "../cli/json.hpp"
+#include "catalog.hpp"
+#include "commands/diagnose.hpp"
+#include "commands/list.hpp"
+#include "options.hpp"
 #include "problem.hpp"
 
 namespace py = pybind11;
@@ -41,50 +40,43 @@ namespace py = pybind11;
 namespace debias::python {
 namespace {
 
-using cli::Arguments;
-using cli::Watch;
-using Words = std::map<std::string, std::string>;
-using Report = std::pair<std::string, std::string>;  // text and JSON
+using commands::Watch;
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 using namespace std::chrono_literals;
 
-Arguments arguments_of(const Words& words) {
-  static const std::map<std::string, std::string Arguments::*> members = {
-      {"samples", &Arguments::samples},
-      {"seed", &Arguments::seed},
-      {"threads", &Arguments::threads},
-      {"estimator", &Arguments::estimator},
-      {"law", &Arguments::law},
-      {"base_level", &Arguments::base_level},
-      {"block", &Arguments::block},
-      {"error", &Arguments::error},
-      {"relative_error", &Arguments::relative_error},
-      {"time", &Arguments::time},
-      {"confidence", &Arguments::confidence},
-      {"levels", &Arguments::levels},
-      {"family", &Arguments::family},
-      {"points", &Arguments::points},
-      {"sample", &Arguments::sample}};
-  Arguments a;
-  for (const auto& [name, word] : words) a.*members.at(name) = word;
-  return a;
+// A report's fields as Python objects; what is not finite is None.
+py::object object_of(const commands::Node& node) {
+  return std::visit(
+      [](const auto& x) -> py::object {
+        using T = std::decay_t<decltype(x)>;
+        if constexpr (std::is_same_v<T, std::nullptr_t>) {
+          return py::none();
+        } else if constexpr (std::is_same_v<T, double>) {
+          return std::isfinite(x) ? py::object(py::float_(x)) : py::none();
+        } else if constexpr (std::is_same_v<T, std::string>) {
+          const auto size = static_cast<py::ssize_t>(x.size());
+          return py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(x.data(), size, "replace"));
+        } else if constexpr (std::is_same_v<T, commands::List>) {
+          py::list list;
+          for (const commands::Node& n : x) list.append(object_of(n));
+          return list;
+        } else if constexpr (std::is_same_v<T, commands::Fields>) {
+          py::dict dict;
+          for (const commands::Entry& e : x) dict[py::str(e.name)] = object_of(e.value);
+          return dict;
+        } else {
+          return py::cast(x);
+        }
+      },
+      node.value);
 }
 
-// --base-level becomes base_level: the same words, as Python spells them.
-std::string in_python(const std::string& message) {
-  std::string text;
-  for (std::size_t i = 0; i < message.size(); ++i) {
-    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && std::islower(message[i + 2]) != 0;
-    if (!option) {
-      text += message[i];
-      continue;
-    }
-    for (i += 2; i < message.size() && (std::islower(message[i]) != 0 || message[i] == '-'); ++i) {
-      text += message[i] == '-' ? '_' : message[i];
-    }
-    --i;
-  }
-  return text;
+// As text, as JSON and as a dict.
+template <class R>
+py::tuple as_objects(const R& report) {
+  std::ostringstream text;
+  print(text, report);
+  return py::make_tuple(text.str(), commands::to_json(report), object_of(fields(report)));
 }
 
 // Says where an exception of the user's function came from, where Python can hold notes (3.11).
@@ -105,7 +97,7 @@ auto translated(const F& f) {
       add_note(inner, "debias: in the block that begins with " + where);
       throw;
     } catch (const std::logic_error& inner) {
-      throw py::value_error(where + ": " + in_python(inner.what()));
+      throw py::value_error(where + ": " + inner.what());
     } catch (const std::bad_alloc&) {
       throw;
     } catch (const std::exception& inner) {
@@ -113,7 +105,7 @@ auto translated(const F& f) {
     }
     throw;
   } catch (const std::logic_error& e) {
-    throw py::value_error(in_python(e.what()));
+    throw py::value_error(e.what());
   }
 }
 
@@ -182,69 +174,62 @@ auto on_this_thread(const F& f, const py::object& progress) {
   return f(watch);
 }
 
-// f(problem, arguments, watch) for a problem of either kind.
-template <class F>
-auto with_problem(const py::object& problem, const Words& words, const py::object& progress, const F& f) {
+// f(request, watch) for a problem of either kind, with request = request_of(problem, options).
+template <class RequestOf, class F>
+auto with_problem(const py::object& problem, const py::dict& options, const py::object& progress,
+                  const RequestOf& request_of, const F& f) {
   return translated([&] {
-    const Arguments arguments = arguments_of(words);
     if (py::isinstance<UserProblem>(problem)) {
       const auto& user = problem.cast<const UserProblem&>();
       const std::unique_lock lock(*user.in_use, std::try_to_lock);
       if (!lock)
         throw std::invalid_argument("problem: '" + user.problem.name + "' (is in use by another run); make two");
-      const catalog::Problem& p = user.problem;
-      return on_this_thread([&](const Watch& watch) { return f(p, arguments, watch); }, progress);
+      const auto request = request_of(user.problem, Options(options));
+      return on_this_thread([&](const Watch& watch) { return f(request, watch); }, progress);
     }
-    const catalog::Problem& p = catalog::find(problem.cast<std::string>());
-    return on_worker([&p, arguments, f](const Watch& watch) { return f(p, arguments, watch); }, progress);
+    const auto request = request_of(catalog::find(problem.cast<std::string>()), Options(options));
+    return on_worker([request, f](const Watch& watch) { return f(request, watch); }, progress);
   });
 }
 
-std::string json_of(const cli::Run& r) { return run_json(r); }
-std::string json_of(const cli::MultilevelRun& r) { return multilevel_json(r); }
-std::string json_of(const cli::AdviceOn& r) { return advice_json(r); }
-std::string json_of(const cli::Replay& r) { return replay_json(r); }
-std::string json_of(const cli::SurveyOf& r) { return survey_json(r); }
-std::string json_of(const cli::Tradeoff& r) { return tradeoff_json(r); }
-std::string json_of(const cli::Diagnosis& r) { return diagnose_json(r); }
+auto executed(const commands::RunRequest& r, const Watch& watch) { return commands::run(r, watch); }
+auto executed(const commands::MultilevelRequest& r, const Watch& watch) { return commands::multilevel(r, {watch}); }
+auto executed(const commands::AdviseRequest& r, const Watch& watch) { return commands::advise(r, watch); }
+auto executed(const commands::SurveyRequest& r, const Watch& watch) { return commands::survey(r, watch); }
+auto executed(const commands::TradeoffRequest& r, const Watch& watch) { return commands::tradeoff(r, {watch}); }
+auto executed(const commands::ReplayRequest& r, const Watch& /*watch*/) { return commands::replay(r); }
 
-template <class R>
-Report report(const R& r) {
-  std::ostringstream text;
-  print(text, r);
-  return {text.str(), json_of(r)};
-}
-
-template <auto command>
-Report run_command(const py::object& problem, const Words& words, const py::object& progress) {
-  return with_problem(problem, words, progress, [](const catalog::Problem& p, const Arguments& a, const Watch& watch) {
-    return report(command(p, a, watch));
-  });
-}
-
-cli::Replay replay_command(const catalog::Problem& p, const Arguments& a, const Watch& /*watch*/) {
-  return replay_of(p, a);
+template <auto request_of>
+py::tuple run_command(const py::object& problem, const py::dict& options, const py::object& progress) {
+  const auto command = [](const auto& request, const Watch& watch) { return executed(request, watch); };
+  return as_objects(with_problem(problem, options, progress, request_of, command));
 }
 
 /// Samples first, first + 1, ..., n of them.
-py::object samples(const py::object& problem, const Words& words, std::int64_t n, std::int64_t first,
+py::object samples(const py::object& problem, const py::dict& options, std::int64_t n, std::int64_t first,
                    const py::object& progress) {
+  struct Asked {
+    const catalog::Problem* problem;
+    catalog::Choice choice;
+    std::uint64_t seed;
+  };
+  const auto request_of = [](const catalog::Problem& p, const Options& o) {
+    return Asked{&p, commands::choice_of(shape_of(o), p), seed_of(o)};
+  };
   const bool own = py::isinstance<UserProblem>(problem);
   const UserProblem* user = own ? &problem.cast<const UserProblem&>() : nullptr;
   const std::size_t components = own ? user->components : 1;
   const auto values = std::make_shared<std::vector<double>>(static_cast<std::size_t>(n) * components);
-  with_problem(problem, words, progress, [=](const catalog::Problem& p, const Arguments& a, const Watch& watch) {
-    const catalog::Choice choice = read_choice(a, p);
-    const std::uint64_t seed = cli::read_seed(a.seed);
+  with_problem(problem, options, progress, request_of, [=](const Asked& asked, const Watch& watch) {
     for (std::int64_t i = 0; i < n;) {
       const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, n - i);
       const auto begin = static_cast<std::size_t>(i) * components;
       const auto out = std::span(*values).subspan(begin, static_cast<std::size_t>(size) * components);
       if (own) {
-        user->samples(choice, seed, first + i, out);
+        user->samples(asked.choice, asked.seed, first + i, out);
       } else {
         for (std::int64_t j = 0; j < size; ++j) {
-          out[static_cast<std::size_t>(j)] = p.trace(choice, seed, first + i + j).sample.value;
+          out[static_cast<std::size_t>(j)] = asked.problem->trace(asked.choice, asked.seed, first + i + j).sample.value;
         }
       }
       i += size;
@@ -311,19 +296,21 @@ class Diagnostician {
     const py::gil_scoped_release release;
     for (const double x : values) sums_.add(x, ++count_);  // the program counts from 1
   }
-  Report finish(const std::string& name) {
+  py::tuple finish(const std::string& name) { return as_objects(concluded(name)); }
+
+ private:
+  commands::Diagnosis concluded(const std::string& name) {
     const py::gil_scoped_release release;
-    cli::Diagnosis d;
+    commands::Diagnosis d;
     d.file = name;
     d.unit = "value";
     sums_.finish(d);
     if (d.moments.count == 0) throw std::invalid_argument("diagnose: no value (one at least)");
     conclude(d);
-    return report(d);
+    return d;
   }
 
- private:
-  cli::Sums sums_;
+  commands::Sums sums_;
   std::int64_t count_ = 0;
 };
 
@@ -336,17 +323,19 @@ PYBIND11_MODULE(_debias, m) {
   m.attr("version") = DEBIAS_VERSION;
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 
-  m.def("run", run_command<&cli::run_of>);
-  m.def("multilevel", run_command<&cli::multilevel_of>);
-  m.def("recipe", run_command<&cli::advice_on>);
-  m.def("survey", run_command<&cli::survey_of>);
-  m.def("tradeoff", run_command<&cli::tradeoff_of>);
-  m.def("replay", run_command<&replay_command>);
+  m.def("run", run_command<run_request>);
+  m.def("multilevel", run_command<multilevel_request>);
+  m.def("recipe", run_command<advise_request>);
+  m.def("survey", run_command<survey_request>);
+  m.def("tradeoff", run_command<tradeoff_request>);
+  m.def("replay", run_command<replay_request>);
   m.def("samples", samples);
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
-  m.def("problems", cli::problems_json);
-  m.def("estimators", cli::estimators_json);
-  m.def("laws", cli::laws_json);
+  for (const auto& [name, topic] : {std::pair("problems", commands::Topic::problems),
+                                    {"estimators", commands::Topic::estimators},
+                                    {"laws", commands::Topic::laws}}) {
+    m.def(name, [topic = topic] { return object_of(fields(commands::list({topic}))); });
+  }
 
   py::class_<UserProblem>(m, "UserProblem")
       .def_readonly("components", &UserProblem::components)

@@ -14,8 +14,8 @@
 
 #include <Eigen/Core>
 
-#include "catalog/bits.hpp"
 #include "catch_shim.hpp"
+#include "validation/bits.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/independent_sum.hpp>
@@ -24,7 +24,7 @@
 #include <debias/pmf/geometric.hpp>
 
 using namespace debias;
-using catalog::bits_of;
+using validation::bits_of;
 
 namespace {
 

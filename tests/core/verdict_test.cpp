@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "catalog/reliability.hpp"
 #include "catch_shim.hpp"
 #include "diagnostics/cases.hpp"
+#include "validation/reliability.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/verdict.hpp>
@@ -126,7 +126,7 @@ bool calm(const Tally& t) { return 100 * t.light_flagged < t.light; }
 
 // ---- intervals
 
-struct Coverage : catalog::Coverage {
+struct Coverage : validation::Coverage {
   int unreliable = 0;  // of the intervals that miss: the verdict on the variance is not `finite`
   int infinite = 0;    // it is `infinite`
 
@@ -153,7 +153,7 @@ Coverage coverage(const LabelledCase& c, int runs) {
     }
     return s;
   };
-  return {catalog::coverage(run, truth, runs), unreliable, infinite};
+  return {validation::coverage(run, truth, runs), unreliable, infinite};
 }
 
 std::string check_coverage(const std::vector<LabelledCase>& cases) {

@@ -15,7 +15,7 @@
 #include <debias/pmf/any.hpp>
 
 #include "catalog.hpp"
-#include "catalog/reliability.hpp"
+#include "validation/reliability.hpp"
 
 namespace debias::test {
 
@@ -30,7 +30,7 @@ struct LabelledCase {
   [[nodiscard]] AnyPmf the_law() const {
     if (!law.empty()) return AnyPmf::parse(law);
     const catalog::Problem& p = catalog::find(problem);
-    if (!rare) return catalog::law_with_tail_index(p, index);
+    if (!rare) return validation::law_with_tail_index(p, index);
     return AnyPmf(Geometric::with_exponent(p.rates.variance * index / (1 - index)));
   }
   [[nodiscard]] Statistics run(std::int64_t samples, std::uint64_t seed) const {

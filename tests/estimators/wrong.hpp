@@ -1,6 +1,6 @@
 #pragma once
 
-// The estimators that are wrong on purpose (catalog/wrong.hpp) with what tests of estimators claim of them.
+// The estimators that are wrong on purpose (validation/wrong.hpp) with what tests of estimators claim of them.
 
 #include <cmath>
 #include <cstdint>
@@ -10,9 +10,9 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/sequence.hpp>
 
-#include "catalog/wrong.hpp"
 #include "estimators/sequences.hpp"
 #include "laws/estimator_laws.hpp"
+#include "validation/wrong.hpp"
 
 namespace debias::trial {
 

@@ -22,8 +22,7 @@
 #include <debias/core/estimate.hpp>
 #include <nlohmann/json.hpp>
 
-#include "cli/commands.hpp"
-#include "cli/json.hpp"
+#include "commands/run.hpp"
 #include "core/checkpoint.hpp"
 #include "render/photons.hpp"
 #include "render/transmittance.hpp"
@@ -91,10 +90,10 @@ double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
 void finish(const Statistics& s) {
   const catalog::Problem& problem = catalog::find("A01");
   const catalog::Choice choice;
-  const cli::Run run{&problem, choice, std::nullopt, s, s.interval(0.95), Verdict(), 0.5};
+  const commands::RunReport report{&problem, choice, std::nullopt, s, s.interval(0.95), Verdict(), 0.5};
   std::ostringstream out;
-  cli::print(out, run);
-  demand(nlohmann::json::accept(cli::run_json(run)));
+  print(out, report);
+  demand(nlohmann::json::accept(commands::to_json(report)));
 }
 
 void go_on(const RunState& state) {

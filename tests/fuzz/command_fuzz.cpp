@@ -1,5 +1,5 @@
-// The command line: one argument a line (or up to a zero byte, if there is one), through the real parser, every reader
-// of values, and the command itself where that is little work. Files are names in a scratch folder. What is printed
+// The command line: one argument a line (or up to a zero byte, if there is one), through the real parser, the door of its
+// command, and the command itself where that is little work. Files are names in a scratch folder. What is printed
 // must fit the exit code, and none is an internal error.
 
 #include <unistd.h>
@@ -12,18 +12,17 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "cli/command_line.hpp"
-#include "cli/commands.hpp"
-#include "cli/output.hpp"
 #include "core/text.hpp"
 
 namespace {
@@ -81,13 +80,12 @@ class Scratch {
     static const std::vector<std::pair<std::string, std::string>> files = [] {
       const Streams quiet;
       for (const char* shard : {"", "1/2", "2/2"}) {
-        Arguments a;
-        a.problem = "A01";
-        a.samples = "4100";
-        a.threads = "1";
-        a.shard = shard;
-        a.checkpoint = std::string("run") + shard[0];
-        if (run(a) != done) fail("no checkpoint");
+        Words words = usual_words("run");
+        for (const auto& [field, word] : {std::pair("problem", "A01"), {"samples", "4100"}, {"shard", shard}}) {
+          words.values[field] = word;
+        }
+        const std::string name = std::string("run") + shard[0];
+        if (execute({read_request("run", words), {.checkpoint = name}}) != done) fail("no checkpoint");
       }
       std::vector<std::pair<std::string, std::string>> made = {{"numbers", "flux,x\n1,2\n3,nan\n0.5,4\n"},
                                                                {"volume", std::string("\0\0\x80\x3f\0\0\0\x3f", 8)}};
@@ -103,48 +101,11 @@ class Scratch {
   fs::path path_;
 };
 
-// Whether the text is a count of at most so many.
-bool at_most(const std::string& text, std::uint64_t most) {
-  try {
-    parse_count(text, "", 0, most);
-    return true;
-  } catch (const std::invalid_argument&) {
-    return false;
-  }
-}
-
-// Refused, or read, whatever it is.
-template <class Read>
-void read(const Read& value) {
-  try {
-    value();
-  } catch (const std::invalid_argument& e) {
-    if (*e.what() == '\0') fail("an error without a word");
-  } catch (const std::length_error& e) {
-    if (*e.what() == '\0') fail("an error without a word");
-  }
-}
-
-void read_all(const Arguments& a) {
-  read([&] { read_plan(a); });
-  read([&] { read_levels(a.levels); });
-  read([&] { read_points(a.points); });
-  read([&] { read_sample(a.sample); });
-  read([&] { read_confidence(a.confidence); });
-  read([&] {
-    const catalog::Problem& problem = catalog::find(a.problem);
-    read([&] { read_choice(a, problem); });
-    read([&] { read_shape(a, problem); });
-    read([&] { read_recipe(a, problem); });
-  });
-}
-
 // Levels as deep as a few samples can go through.
-bool shallow(const Arguments& a) {
-  if (!wants_recipe(a) && a.base_level != "auto" && !at_most(a.base_level, 4)) return false;
-  if (!at_most(a.block, 16)) return false;
+bool shallow(const commands::Shape& shape, const catalog::Problem& problem) {
+  if (shape.block > 16 || (!shape.by_recipe() && shape.base_level.value_or(0) > 4)) return false;
   try {
-    const catalog::Choice choice = read_choice(a, catalog::find(a.problem));
+    const catalog::Choice choice = commands::choice_of(shape, problem);
     return choice.base_level <= 6 && (choice.method == catalog::Method::truncated || choice.law.tail(14) < 1e-4);
   } catch (const std::exception&) {
     return true;  // it will be refused
@@ -152,41 +113,67 @@ bool shallow(const Arguments& a) {
 }
 
 // Samples, not hours.
-bool modest_goal(const Arguments& a) {
-  try {
-    return (a.error == "none" || read_positive(a.error, "") >= 0.1) &&
-           (a.relative_error == "none" || read_positive(a.relative_error, "") >= 0.1) &&
-           (a.time == "none" || read_seconds(a.time, "") <= 0.05);
-  } catch (const std::invalid_argument&) {
-    return true;  // it will be refused
-  }
+bool modest(const Goal& goal) {
+  return (goal.error == 0 || goal.error >= 0.1) && (goal.relative_error == 0 || goal.relative_error >= 0.1) &&
+         goal.seconds <= 0.05;
 }
 
-// `rare` is true for few inputs: those may take a tenth of a second.
-bool little_work(const Command& command, bool rare) {
-  const Arguments& a = command.arguments;
-  if (!modest_goal(a)) return false;
-  const bool few = a.samples == "auto" || at_most(a.samples, 16);
-  const bool goal = a.error != "none" || a.relative_error != "none" || a.time != "none";
-  if (command.execute == list || command.execute == diagnose) return true;
-  if (command.execute == replay) return shallow(a);
-  if (command.execute == run) {
-    if (a.samples == "auto" && !goal) return false;
-    return few && shallow(a) && (rare || (!goal && !wants_recipe(a)));
-  }
-  if (command.execute == resume) return (few || at_most(a.samples, 10'000)) && (rare || !goal);
-  if (command.execute == cli::merge) return a.problems.size() <= 8;
-  if (command.execute == cli::survey) return at_most(a.levels, 6) && few && a.samples != "auto";
-  if (command.execute == tradeoff) return rare && at_most(a.points, 3) && few && a.samples != "auto";
-  if (command.execute == validate) {
-    return (rare || a.problems.size() == 1) && a.problems.size() <= 2 && few && !a.hard && !a.report;
-  }
-  // a picture
-  const bool small = a.size.size() <= 3 && at_most(a.spp, 4) && at_most(a.photons, 1000) && a.equal_time == "none";
-  return small && a.density.size() <= 2 && (rare || !a.compare);
-}
+constexpr std::int64_t few = 16;
 
-void check(int code, const Arguments& a, bool lines, const Streams& said) {
+// Whether a request is little work; `rare` is true for few inputs: those may take a tenth of a second.
+struct LittleWork {
+  bool rare;
+
+  bool operator()(const commands::ListRequest&) const { return true; }
+  bool operator()(const Diagnose&) const { return true; }
+  bool operator()(const commands::ReplayRequest& r) const { return shallow(r.shape, *r.problem); }
+  bool operator()(const commands::RunRequest& r) const {
+    const commands::Sampling& s = r.sampling;
+    if (!s.samples && !s.goal.asked()) return false;
+    return modest(s.goal) && s.samples.value_or(0) <= few && shallow(r.shape, *r.problem) &&
+           (rare || (!s.goal.asked() && !r.shape.by_recipe()));
+  }
+  bool operator()(const commands::MultilevelRequest& r) const { return rare && r.error >= 0.1; }
+  bool operator()(const Resume& r) const {
+    return modest(r.goal) && r.samples.value_or(0) <= 10'000 && (rare || !r.goal.asked());
+  }
+  bool operator()(const Merge& r) const { return r.files.size() <= 8; }
+  bool operator()(const commands::SurveyRequest& r) const { return r.levels <= 6 && r.samples <= few; }
+  bool operator()(const commands::TradeoffRequest& r) const { return rare && r.points <= 3 && r.samples <= few; }
+  bool operator()(const commands::ValidateRequest& r) const {
+    return !r.problems.empty() && r.problems.size() <= (rare ? 2 : 1) && r.samples <= few;
+  }
+  bool operator()(const commands::HardRequest&) const { return false; }
+  bool operator()(const commands::ReliabilityRequest&) const { return false; }
+  bool operator()(const RenderTransmittance& r) const {
+    return small(r.request) && r.density < 100 && r.request.samples <= 4 && r.request.equal_time == 0;
+  }
+  bool operator()(const RenderPhotons& r) const { return small(r.request) && r.request.photons <= 1000; }
+
+ private:
+  [[nodiscard]] bool small(const commands::PictureRequest& r) const {
+    return r.width <= 9 && r.height <= 9 && (rare || !r.compare);
+  }
+};
+
+// Two threads at most, and files in the scratch folder.
+struct Tame {
+  template <class R>
+  void operator()(R& r) const {
+    if constexpr (requires { r.threads; }) r.threads = std::min(r.threads, 2);
+    if constexpr (requires { r.sampling; }) r.sampling.threads = std::min(r.sampling.threads, 2);
+    if constexpr (requires { r.request; }) r.request.threads = std::min(r.request.threads, 2);
+    if constexpr (requires { r.file; }) name(r.file);
+    if constexpr (requires { r.volume; }) name(r.volume);
+    if constexpr (requires { r.files; }) std::for_each(r.files.begin(), r.files.end(), name);
+  }
+  static void name(std::string& name) {
+    std::replace(name.begin(), name.end(), '/', '_');
+    if (name == ".." || name == ".") name = "numbers";
+  }
+};
+
+void check(int code, const Delivery& a, bool lines, const Streams& said) {
   const std::string out = said.out.str();
   const std::string err = said.err.str();
   if (code != done && err.empty()) fail("an exit code without a word");
@@ -216,12 +203,6 @@ void check(int code, const Arguments& a, bool lines, const Streams& said) {
   if (!lines && !nlohmann::json::accept(out)) fail("no JSON: " + out);
 }
 
-// A name in the scratch folder.
-void tame(std::string& name) {
-  std::replace(name.begin(), name.end(), '/', '_');
-  if (name == ".." || name == ".") name = "numbers";
-}
-
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -235,29 +216,28 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const std::string& word : words) argv.push_back(word.c_str());
 
   const Streams said;
-  std::optional<Command> command;
+  Delivery delivery;
+  std::string command;
   int code = done;
   try {
-    command = read_command_line(static_cast<int>(argv.size()), argv.data());
-    if (!command) return said.out.str().empty() ? (fail("no help"), 0) : 0;
-    Arguments& a = command->arguments;
-    read_all(a);
-    for (std::string* name : {&a.output, &a.checkpoint, &a.volume, &a.file}) tame(*name);
-    for (std::string& name : a.problems) tame(name);
-    if (a.seed == "random") a.seed = "1";
-    if (!at_most(a.threads, 2)) {
-      read([&] { read_threads(a.threads); });
-      a.threads = "2";
-    }
+    const auto typed = read_command_line(static_cast<int>(argv.size()), argv.data());
+    if (!typed) return said.out.str().empty() ? (fail("no help"), 0) : 0;
+    command = typed->command;
+    delivery = typed->delivery;
+    for (std::string* name : {&delivery.output, &delivery.checkpoint}) Tame::name(*name);
+    Words words = typed->words;
+    const auto seed = words.values.find("seed");
+    if (seed != words.values.end() && seed->second == "random") seed->second = "1";
+    Request request = read_request(command, words);
+    std::visit(Tame(), request);
     std::uint32_t sum = 0;
     for (std::size_t i = 0; i < size; ++i) sum = 31 * sum + data[i];
-    if (!little_work(*command, sum % 64 == 0)) return 0;
-    code = command->execute(a);
+    if (!std::visit(LittleWork{sum % 64 == 0}, request)) return 0;
+    code = execute({request, delivery});
   } catch (...) {
     code = exit_code_of_current_exception();
   }
-  const Arguments a = command ? command->arguments : Arguments();
-  check(code, a, command && command->execute == validate, said);
-  if (!a.output.empty() || !a.checkpoint.empty() || (command && command->execute == resume)) Scratch::restore();
+  check(code, delivery, command == "validate", said);
+  if (!delivery.output.empty() || !delivery.checkpoint.empty() || command == "resume") Scratch::restore();
   return 0;
 }

@@ -10,8 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "cli/commands.hpp"
-#include "cli/output.hpp"
+#include "cli/execute.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace debias::cli;
@@ -19,15 +18,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::cerr.setstate(std::ios::failbit);  // complaints are not read
   const int file = memfd_create("fuzz", 0);
   if (file < 0 || write(file, data + 1, size - 1) != static_cast<ssize_t>(size - 1)) std::abort();
-  Arguments arguments;
-  arguments.file = "/proc/self/fd/" + std::to_string(file);
-  arguments.output = "/dev/null";
+  Words words = usual_words("diagnose");
+  words.values["file"] = "/proc/self/fd/" + std::to_string(file);
   const unsigned choice = data[0];
-  if ((choice & 1U) != 0) arguments.format = "f64";
-  if ((choice & 2U) != 0) arguments.json = true;
-  if ((choice & 4U) != 0) arguments.column = (choice & 8U) != 0 ? "2" : "flux";
+  if ((choice & 1U) != 0) words.values["format"] = "f64";
+  if ((choice & 4U) != 0) words.values["column"] = (choice & 8U) != 0 ? "2" : "flux";
   try {
-    const int code = diagnose(arguments);
+    const int code = execute({read_request("diagnose", words), {.output = "/dev/null", .json = (choice & 2U) != 0}});
     if (code != done && code != file_error && code != nonfinite_samples) std::abort();
   } catch (const std::invalid_argument&) {
   } catch (const FileError&) {

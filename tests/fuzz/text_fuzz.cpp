@@ -11,7 +11,7 @@
 
 #include <debias/pmf/any.hpp>
 
-#include "cli/arguments.hpp"
+#include "cli/requests.hpp"
 #include "core/text.hpp"
 
 namespace {
@@ -52,9 +52,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   refused_or([&] {
     if (const std::uint64_t n = parse_count(text, "n", 3, 1'000'000); n < 3 || n > 1'000'000) std::abort();
   });
-  refused_or([&] { cli::read_confidence(text); });
-  refused_or([&] { cli::read_seconds(text, "t"); });
-  refused_or([&] { cli::read_seed(text); });
+  for (const char* field : {"confidence", "time", "seed", "shard", "estimator", "base_level"}) {
+    refused_or([&] {
+      cli::Words words = cli::usual_words("run");
+      words.values["problem"] = "A01";
+      words.values[field] = text;
+      cli::read_request("run", words);
+    });
+  }
   refused_or([&] { catalog::find(text.substr(0, 100)); });
   refused_or([&] { read_law(text); });
   return 0;

@@ -10,8 +10,8 @@ threads. Options are those of the program, by the same names: `base_level=2` is 
 
 from __future__ import annotations
 
+import copy
 import html
-import json
 import math
 import numbers
 import warnings
@@ -64,10 +64,10 @@ class Interval(NamedTuple):
 class Report:
     """What a command has to say: `print` shows the program's text, `to_dict` and `to_json` its JSON."""
 
-    def __init__(self, text: str, json_text: str):
+    def __init__(self, text: str, json_text: str, data: dict):
         self._text = text
         self._json = json_text
-        self._data = json.loads(json_text)
+        self._data = data
 
     def __str__(self) -> str:
         return self._text.rstrip("\n")
@@ -82,13 +82,13 @@ class Report:
         return type(self) is type(other) and self.__reduce__() == other.__reduce__()
 
     def __reduce__(self):
-        return type(self), (self._text, self._json)
+        return type(self), (self._text, self._json, self._data)
 
     __hash__ = None  # type: ignore[assignment]
 
     def to_dict(self) -> dict:
         """The JSON of the program; numbers that are not finite are None."""
-        return json.loads(self._json)
+        return copy.deepcopy(self._data)
 
     def to_json(self) -> str:
         return self._json
@@ -234,19 +234,19 @@ def _table(rows: Sequence[dict]) -> np.ndarray:
     return np.array([tuple(_number(row[key]) for key, _ in dtype) for row in rows], dtype=dtype)
 
 
-# ---- words for the commands
+# ---- options for the commands
 
 
-def _words(**options: Any) -> dict:
-    return {name: _word(name, value) for name, value in options.items() if value is not None}
+def _options(**options: Any) -> dict:
+    return {name: _option(name, value) for name, value in options.items() if value is not None}
 
 
-def _word(name: str, value: Any) -> str:
+def _option(name: str, value: Any) -> Union[str, int, float]:
     if isinstance(value, str):
         return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
-    return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+    return int(value) if isinstance(value, numbers.Integral) else float(value)
 
 
 def _problem(problem: Any) -> Any:
@@ -314,11 +314,12 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     Issues a DebiasWarning for each doubt of the result.
     """
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
-                   law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
-                   error=error, relative_error=relative_error, time=time, confidence=confidence)
+    options = _options(samples=samples, seed=seed, threads=threads,
+                       estimator=None if estimator == "multilevel" else estimator,
+                       law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
+                       error=error, relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
-        result = Result(*command(problem, words, bar))
+        result = Result(*command(problem, options, bar))
     _warn(result)
     return result
 
@@ -347,27 +348,27 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: in
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    words = _words(seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
-                   base_level=base_level, block=block)
+    options = _options(seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                       base_level=base_level, block=block)
     with _Bar(progress) as bar:
-        values = _debias.samples(problem, words, int(n), int(first), bar)
+        values = _debias.samples(problem, options, int(n), int(first), bar)
     return values.reshape(n, -1) if values.size != n else values
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Number, estimator: Optional[str] = None,
            law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
     """One sample of a run again, with every level that it touched."""
-    words = _words(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
-                   base_level=base_level, block=block)
-    return Report(*_debias.replay(problem, words, None))
+    options = _options(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+                       base_level=base_level, block=block)
+    return Report(*_debias.replay(problem, options, None))
 
 
 def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Number = 1,
            threads: Number = 0, progress: Progress = None) -> Report:
     """Measures the levels: how differences decay, how work grows, and whether a law exists."""
-    words = _words(levels=levels, samples=samples, seed=seed, threads=threads)
+    options = _options(levels=levels, samples=samples, seed=seed, threads=threads)
     with _Bar(progress) as bar:
-        return Report(*_debias.survey(_problem(problem), words, bar))
+        return Report(*_debias.survey(_problem(problem), options, bar))
 
 
 def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points: Number = 15,
@@ -375,10 +376,10 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
              base_level: Optional[Number] = None, block: Optional[Number] = None,
              progress: Progress = None) -> Report:
     """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
-    words = _words(family=family, points=points, samples=samples, seed=seed, threads=threads, estimator=estimator,
-                   base_level=base_level, block=block)
+    options = _options(family=family, points=points, samples=samples, seed=seed, threads=threads, estimator=estimator,
+                       base_level=base_level, block=block)
     with _Bar(progress) as bar:
-        return Report(*_debias.tradeoff(_problem(problem), words, bar))
+        return Report(*_debias.tradeoff(_problem(problem), options, bar))
 
 
 def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
@@ -386,10 +387,10 @@ def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, se
            relative_error: Optional[Number] = None, time: Optional[Number] = None,
            progress: Progress = None) -> Report:
     """What a pilot would choose: base level, law and strata, and what they are worth."""
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator, base_level=base_level,
-                   error=error, relative_error=relative_error, time=time, law="auto")
+    options = _options(samples=samples, seed=seed, threads=threads, estimator=estimator, base_level=base_level,
+                       error=error, relative_error=relative_error, time=time, law="auto")
     with _Bar(progress) as bar:
-        return Report(*_debias.recipe(_problem(problem), words, bar))
+        return Report(*_debias.recipe(_problem(problem), options, bar))
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
@@ -407,15 +408,15 @@ def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
 
 def problems() -> list:
     """The problems with known answers, each with its id, name, truth, rates and source."""
-    return json.loads(_debias.problems())
+    return _debias.problems()
 
 
 def estimators() -> list:
-    return json.loads(_debias.estimators())
+    return _debias.estimators()
 
 
 def laws() -> list:
-    return json.loads(_debias.laws())
+    return _debias.laws()
 
 
 # ---- problems of one's own

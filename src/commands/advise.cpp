@@ -1,0 +1,39 @@
+#include "advise.hpp"
+
+#include <ostream>
+
+#include "describe.hpp"
+#include "store.hpp"
+#include "text.hpp"
+
+namespace debias::commands {
+
+AdviceReport advise(const AdviseRequest& request, const Watch& watch) {
+  const catalog::Problem& problem = *request.problem;
+  Plan plan = plan_of(request.sampling);
+  const Caller caller{watch};
+  plan.progress = [&](std::int64_t done) {
+    return caller.goes_on(problem.id + ": pilot", static_cast<double>(done), 0);
+  };
+  return {&problem, debias::advise(problem.levels, plan, recipe_of(request.shape, problem))};
+}
+
+void print(std::ostream& out, const AdviceReport& a) {
+  print_line(out, "problem", title(*a.problem));
+  out << a.advice;
+}
+
+Fields fields(const AdviceReport& report) {
+  const Advice& a = report.advice;
+  Fields f = describe(*report.problem);
+  append(f, {{"seed", a.survey.seed},
+             {"law", a.law.spec()},
+             {"base_level", a.base_level},
+             {"base", a.base == Base::drawn ? "drawn" : "always"},
+             {"block", a.block}});
+  append(f, describe(a));
+  append(f, versions());
+  return f;
+}
+
+}  // namespace debias::commands

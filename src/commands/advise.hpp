@@ -1,0 +1,30 @@
+#pragma once
+
+// What a pilot would choose: base level, law and strata, and what they are worth.
+
+#include <iosfwd>
+
+#include <debias/recipe.hpp>
+
+#include "fields.hpp"
+#include "request.hpp"
+
+namespace debias::commands {
+
+struct AdviseRequest {
+  const catalog::Problem* problem = nullptr;
+  Shape shape = {};  ///< what it gives is not left to the pilot; its law does not matter
+  Sampling sampling = {};
+};
+
+struct AdviceReport {
+  const catalog::Problem* problem;
+  Advice advice;
+};
+
+AdviceReport advise(const AdviseRequest& request, const Watch& watch = {});
+
+void print(std::ostream& out, const AdviceReport& report);
+Fields fields(const AdviceReport& report);
+
+}  // namespace debias::commands

@@ -1,0 +1,111 @@
+#include "describe.hpp"
+
+#include <limits>
+
+#include "text.hpp"
+
+namespace debias::commands {
+namespace {
+
+Fields describe(const FittedRate& r) { return {{"value", r.value}, {"error", r.error}}; }
+
+Fields describe(const TailIndex& tail) {
+  const char* state = tail.state == TailState::fitted    ? "fitted"
+                      : tail.state == TailState::bounded ? "bounded"
+                                                         : "too_few";
+  const bool fitted = tail.state == TailState::fitted;
+  const auto figure = [fitted](double x) { return fitted ? Node(x) : Node(nullptr); };
+  return {{"state", state},
+          {"k", figure(tail.k)},
+          {"error", figure(tail.error)},
+          {"plain_k", figure(tail.plain)},
+          {"values", tail.values},
+          {"cutoff", figure(tail.cutoff)},
+          {"ties", tail.ties},
+          {"hill", figure(tail.hill)},
+          {"moment", figure(tail.moment)},
+          {"pickands", figure(tail.pickands)}};
+}
+
+}  // namespace
+
+Fields describe(const catalog::Problem& problem) {
+  return {{"problem", problem.name}, {"id", problem.id.empty() ? Node(nullptr) : Node(problem.id)}};
+}
+
+Fields describe(const catalog::Problem& problem, const catalog::Choice& choice) {
+  Fields f = describe(problem);
+  const std::string law = law_text(choice);
+  append(f, {{"estimator", catalog::name_of(choice)},
+             {"law", law.empty() ? Node(nullptr) : Node(law)},
+             {"base_level", choice.base_level},
+             {"block", choice.block}});
+  return f;
+}
+
+Fields describe(const Interval& interval) {
+  return {{"low", interval.low}, {"high", interval.high}, {"confidence", interval.confidence}};
+}
+
+Fields describe(const LevelRow& row) {
+  return {{"level", row.level},
+          {"last_level", row.last_level},
+          {"is_base", row.is_base},
+          {"count", row.count},
+          {"mean", row.mean},
+          {"second_moment", row.second_moment},
+          {"fourth_moment", row.fourth_moment},
+          {"work", row.work},
+          {"probability", row.probability > 0 ? Node(row.probability) : Node(nullptr)}};
+}
+
+Fields describe(const RunVerdict& v) {
+  return {{"variance", name_of(v.variance)},
+          {"fourth_moment", name_of(v.fourth_moment)},
+          {"work", name_of(v.work)},
+          {"interval_reliable", v.interval_reliable()},
+          {"tail_index", v.tail_index},
+          {"error", v.error},
+          {"levels", Fields{{"available", v.levels.available},
+                            {"votes", v.levels.votes},
+                            {"first", v.levels.first_level},
+                            {"last", v.levels.last_level},
+                            {"tail_index", v.levels.tail_index},
+                            {"error", v.levels.error},
+                            {"beta", v.levels.beta},
+                            {"beta_error", v.levels.beta_error},
+                            {"rho", v.levels.rho},
+                            {"polynomial", v.levels.polynomial}}},
+          {"upper_tail", describe(v.upper)},
+          {"lower_tail", describe(v.lower)},
+          {"kurtosis", v.kurtosis},
+          {"largest_share", v.largest_share},
+          {"deepest_level", v.deepest_level},
+          {"samples_needed", v.samples_needed},
+          {"rate", v.rate},
+          {"sentences", v.sentences()}};
+}
+
+Fields describe(const MeasuredRates& r) {
+  return {{"kind", name_of(r.kind)},
+          {"mean", describe(r.mean)},
+          {"variance", describe(r.variance)},
+          {"fourth", describe(r.fourth)},
+          {"work", describe(r.work)}};
+}
+
+Fields describe(const Advice& a) {
+  return {{"members", a.members},
+          {"shares_base", a.shares_base},
+          {"predicted_variance", a.predicted.variance},
+          {"predicted_work", a.predicted.work},
+          {"bound", a.bound},
+          {"highest_moment", a.highest_moment},
+          {"pilot_work", a.pilot_work},
+          {"law_exists", name_of(a.survey.law_exists)},
+          {"rates", describe(a.survey.rates)},
+          {"sentences", a.sentences},
+          {"remarks", a.survey.remarks}};
+}
+
+}  // namespace debias::commands

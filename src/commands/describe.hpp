@@ -1,0 +1,25 @@
+#pragma once
+
+// Results of the library as fields of a report.
+
+#include <debias/core/result.hpp>
+#include <debias/core/verdict.hpp>
+#include <debias/recipe.hpp>
+#include <debias/survey.hpp>
+
+#include "catalog.hpp"
+#include "fields.hpp"
+
+namespace debias::commands {
+
+/// Which problem, estimator, law, base level and block; a problem of the user's own has no id.
+Fields describe(const catalog::Problem& problem, const catalog::Choice& choice);
+Fields describe(const catalog::Problem& problem);
+Fields describe(const Interval& interval);
+Fields describe(const LevelRow& row);
+Fields describe(const RunVerdict& verdict);
+/// A value that is not finite: faster than any rate, as `kind` says, or not known.
+Fields describe(const MeasuredRates& rates);
+Fields describe(const Advice& advice);
+
+}  // namespace debias::commands

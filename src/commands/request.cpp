@@ -1,0 +1,157 @@
+#include "request.hpp"
+
+#include <algorithm>
+#include <type_traits>
+#include <utility>
+
+namespace debias::commands {
+namespace {
+
+const Field estimator_field{"estimator"};
+const Field law_field{"law"};
+const Field block_field{"block"};
+const Field samples_field{"samples"};
+
+std::string joined(const BadRequest::Pieces& pieces, const std::function<std::string(std::string_view)>& spell) {
+  std::string text;
+  for (const auto& piece : pieces) {
+    const Field* field = std::get_if<Field>(&piece);
+    text += field != nullptr ? spell(field->name) : std::get<std::string>(piece);
+  }
+  return text;
+}
+
+bool is_single_term(catalog::Method method) {
+  return method == catalog::Method::single_term || method == catalog::Method::single_term_drawn;
+}
+
+// The method of a shape, if the problem has it.
+catalog::Method method_of(const Shape& shape, const catalog::Problem& problem) {
+  const Estimator wanted = shape.estimator.value_or(Estimator{});
+  const bool has = std::find(problem.methods.begin(), problem.methods.end(), wanted.method) != problem.methods.end();
+  if (wanted.special.empty() && has) return wanted.method;
+  std::string names;
+  for (const catalog::Method m : problem.methods) {
+    names += (names.empty() ? "" : ", ") + std::string(catalog::name_of(m));
+  }
+  for (const catalog::Special& s : problem.specials) names += ", " + s.name;
+  throw BadRequest({estimator_field, " = '" + name_of(wanted) + "' (does not apply to " +
+                                         (problem.id.empty() ? problem.name : problem.id) + "); it has " + names});
+}
+
+AnyPmf law_of(const Law& law, const catalog::Problem& problem, catalog::Method method) {
+  if (const AnyPmf* given = std::get_if<AnyPmf>(&law)) return *given;
+  try {
+    return catalog::default_law(problem, method);
+  } catch (const std::invalid_argument& e) {
+    throw BadRequest({law_field, std::string(" declared: ") + e.what()});
+  }
+}
+
+std::int64_t block_of(const Shape& shape, catalog::Method method) {
+  if (shape.block == 1 || is_single_term(method)) return shape.block;
+  throw BadRequest({block_field, " = '" + std::to_string(shape.block) + "' (strata need a single term); leave it out"});
+}
+
+}  // namespace
+
+BadRequest::BadRequest(Pieces pieces)
+    : std::invalid_argument(joined(pieces, [](std::string_view field) { return std::string(field); })),
+      pieces_(std::move(pieces)) {}
+
+std::string BadRequest::spelled(const std::function<std::string(std::string_view)>& spell) const {
+  return joined(pieces_, spell);
+}
+
+Estimator estimator_of(const std::string& name) {
+  const auto& all = catalog::problems();
+  const bool special = std::any_of(
+      all.begin(), all.end(), [&name](const catalog::Problem& p) { return catalog::find_special(p, name) != nullptr; });
+  if (special) return {.special = name};
+  return {.method = catalog::method_of(name)};
+}
+
+std::string name_of(const Estimator& estimator) {
+  return estimator.special.empty() ? std::string(catalog::name_of(estimator.method)) : estimator.special;
+}
+
+Law law_of(const std::string& text) {
+  if (text == "declared") return Declared{};
+  if (text == "auto") return ByRecipe{};
+  try {
+    return AnyPmf::parse(text);
+  } catch (const std::invalid_argument& e) {
+    throw BadRequest({law_field, std::string(": ") + e.what()});
+  }
+}
+
+catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
+  const bool declared = std::holds_alternative<Declared>(shape.law);
+  const std::string special = shape.estimator ? shape.estimator->special : "";
+  if (catalog::find_special(problem, special) != nullptr) {
+    if (!declared || shape.base_level || shape.block != 1) {
+      throw BadRequest(
+          {estimator_field, " = '" + special + "' (has no law, base level or block to choose); leave them out"});
+    }
+    return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, special};
+  }
+  const catalog::Method method = method_of(shape, problem);
+  const bool takes_law = method != catalog::Method::truncated;
+  if (!takes_law && !declared) {
+    const AnyPmf* law = std::get_if<AnyPmf>(&shape.law);
+    throw BadRequest(
+        {law_field, " = '" + (law != nullptr ? law->spec() : "auto") + "' (truncated draws no level); leave it out"});
+  }
+  return {method, takes_law ? law_of(shape.law, problem, method) : AnyPmf(Geometric(0.5)),
+          shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
+}
+
+catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
+  const catalog::Method method = method_of(shape, problem);
+  if (!is_single_term(method)) {
+    throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
+                                           "' (a sweep is for single_term and single_term_drawn); leave it out"});
+  }
+  return {method, AnyPmf(Geometric(0.5)), shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
+}
+
+RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
+  RecipeOptions options;
+  options.lowest_base = problem.lowest_base;
+  options.base_level = shape.base_level;
+  if (shape.block != 1) {
+    throw BadRequest(
+        {block_field, " = '" + std::to_string(shape.block) + "' (", law_field, " auto chooses it); leave it out"});
+  }
+  if (!shape.estimator) return options;
+  if (catalog::find_special(problem, shape.estimator->special) != nullptr ||
+      !is_single_term(method_of(shape, problem))) {
+    throw BadRequest(
+        {law_field,
+         " auto: '" + name_of(*shape.estimator) + "' (a recipe is for single_term and single_term_drawn); leave ",
+         estimator_field, " out"});
+  }
+  options.base = shape.estimator->method == catalog::Method::single_term ? Base::always : Base::drawn;
+  return options;
+}
+
+Plan plan_of(const Sampling& sampling) {
+  const Goal& goal = sampling.goal;
+  if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
+    throw BadRequest({Field{"error"}, ", ", Field{"relative_error"}, ", ", Field{"time"},
+                      ": more than one (each fixes the samples); keep one"});
+  }
+  if (goal.asked() && sampling.samples) {
+    throw BadRequest(
+        {samples_field, " = '" + std::to_string(*sampling.samples) + "' (a goal fixes the samples); leave one out"});
+  }
+  Plan plan;
+  plan.goal = goal;
+  plan.samples = sampling.samples.value_or(Sampling::usual);
+  plan.seed = sampling.seed;
+  plan.threads = sampling.threads;
+  plan.ranks = sampling.ranks;
+  return plan;
+}
+
+}  // namespace debias::commands

@@ -1,0 +1,94 @@
+#pragma once
+
+// What requests are made of, and how one that cannot be done is refused. See README.md for the shape of this folder.
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include <debias/core/result.hpp>
+#include <debias/pmf/any.hpp>
+#include <debias/recipe.hpp>
+
+#include "catalog.hpp"
+
+namespace debias::commands {
+
+/// The name of a field of a request, within a message.
+struct Field {
+  std::string name;
+};
+
+/// A request that cannot be done: "problem (why) suggestion". what() names fields as they are called here.
+class BadRequest : public std::invalid_argument {
+ public:
+  using Pieces = std::vector<std::variant<std::string, Field>>;
+  explicit BadRequest(Pieces pieces);
+  /// The message for people who write fields in another way: base_level as --base-level.
+  [[nodiscard]] std::string spelled(const std::function<std::string(std::string_view field)>& spell) const;
+
+ private:
+  Pieces pieces_;
+};
+
+/// Sees what is being done and how much of how much (0: unknown); false ends it.
+using Watch = std::function<bool(std::string_view what, double done, double total)>;
+
+/// The largest numbers that fields take.
+inline constexpr int most_threads = 1024;
+inline constexpr std::int64_t most_points = 10'000;
+inline constexpr std::int64_t most_levels = 1 << 16;
+
+/// One of catalog::methods(), or a special method of some problems.
+struct Estimator {
+  catalog::Method method = catalog::Method::single_term;
+  std::string special = {};  ///< its name: the method does not matter then
+};
+/// By its name. Throws std::invalid_argument, with the nearest one, for a name that no estimator has.
+Estimator estimator_of(const std::string& name);
+std::string name_of(const Estimator& estimator);
+
+/// The law that the declared rates ask for.
+struct Declared {};
+/// Law, base level and block from a pilot.
+struct ByRecipe {};
+using Law = std::variant<Declared, ByRecipe, AnyPmf>;
+/// From "declared", "auto" or the text of a law. Throws BadRequest.
+Law law_of(const std::string& text);
+
+/// What one sample is.
+struct Shape {
+  std::optional<Estimator> estimator = {};      ///< single_term
+  Law law = Declared{};                         ///< of the random level
+  std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
+  std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
+
+  [[nodiscard]] bool by_recipe() const { return std::holds_alternative<ByRecipe>(law); }
+};
+
+/// The shape with nothing left open, for a problem. Throws BadRequest where its fields do not go together.
+catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem);
+/// The same for a sweep over laws: single terms only, and no law.
+catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem);
+/// What a shape leaves to a recipe.
+RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem);
+
+/// How many samples, and which.
+struct Sampling {
+  std::optional<std::int64_t> samples = {};  ///< 1e6, or what the goal asks for
+  Goal goal = {};
+  std::uint64_t seed = 1;
+  int threads = 0;                         ///< 0: as many as the machine has
+  debias::detail::Ranks* ranks = nullptr;  ///< processes that share the samples
+
+  static constexpr std::int64_t usual = 1'000'000;
+};
+/// Throws BadRequest for two goals, or for a goal and samples.
+Plan plan_of(const Sampling& sampling);
+
+}  // namespace debias::commands

@@ -1,0 +1,286 @@
+#include "run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+#include <string_view>
+
+#include "core/checkpoint.hpp"
+#include "describe.hpp"
+#include "store.hpp"
+#include "text.hpp"
+#include "validation/validation.hpp"
+
+namespace debias::commands {
+namespace {
+
+Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choice) {
+  Verdict v;
+  v.finite_variance = true;
+  v.finite_work = true;
+  if (const catalog::Special* special = catalog::find_special(problem, choice.special)) {
+    v.sentence = special->description;
+    if (!special->reason.empty()) v.sentence += "; " + special->reason;
+    if (special->kurtosis > 0 && std::isfinite(special->kurtosis)) {
+      v.sentence += " a kurtosis of " + rounded(special->kurtosis, 3);
+    }
+    return v;
+  }
+  if (std::isnan(problem.rates.variance)) return v;  // nothing is declared
+  if (choice.method != catalog::Method::truncated) {
+    return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
+  }
+  v.sentence = "one level only: its bias is no part of the standard error";
+  return v;
+}
+
+// What a reader of numbers that are not finite wants to know.
+std::string_view status_of(const Statistics& s) {
+  if (s.nonfinite > 0) return "nonfinite";
+  if (s.samples < 2) return "one_sample";
+  return s.moments.m2 > 0 ? "ok" : "zero_variance";
+}
+
+Node describe_goal(const Statistics& s) {
+  const Goal& g = s.goal;
+  if (!g.asked()) return "samples";
+  const char* name = g.error > 0 ? "error" : (g.relative_error > 0 ? "relative_error" : "seconds");
+  return Fields{{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
+}
+
+RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t samples) {
+  if (!shard) return {0, samples};
+  constexpr std::int64_t chunk = default_chunk;
+  const std::int64_t chunks = (samples - 1) / chunk + 1;
+  const auto [i, n] = *shard;
+  const auto cut = [&, n = n](std::int64_t k) {
+    return k == n ? samples : (chunks / n * k + std::min(chunks % n, k)) * chunk;
+  };
+  if (cut(i - 1) < cut(i)) return {cut(i - 1), cut(i)};
+  throw BadRequest({Field{"shard"}, " = '" + std::to_string(i) + "/" + std::to_string(n) + "' (" +
+                                        std::to_string(samples) + " samples are only " + std::to_string(chunks) +
+                                        " chunks of " + std::to_string(chunk) + "); take fewer shards"});
+}
+
+// The shape that names a choice, with nothing left to what is declared or to a pilot.
+Shape shape_of(const catalog::Choice& choice) {
+  if (!choice.special.empty()) return {.estimator = Estimator{.special = choice.special}};
+  Shape shape{.estimator = Estimator{choice.method}, .base_level = choice.base_level, .block = choice.block};
+  if (choice.method != catalog::Method::truncated) shape.law = choice.law;
+  return shape;
+}
+
+}  // namespace
+
+RunRequest settled(const RunRequest& request) {
+  RunRequest r = request;
+  if (r.shard && r.sampling.goal.asked()) {
+    throw BadRequest(
+        {Field{"shard"}, " (a goal fixes the samples late, and shards share them); write ", Field{"samples"}});
+  }
+  const Plan plan = plan_of(r.sampling);
+  if (r.shape.by_recipe()) {
+    recipe_of(r.shape, *r.problem);
+  } else {
+    r.shape = shape_of(choice_of(r.shape, *r.problem));
+  }
+  if (!plan.goal.asked()) r.sampling.samples = plan.samples;
+  range_of(r.shard, plan.samples);
+  return r;
+}
+
+RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earlier, const SaveRun& save) {
+  const catalog::Problem& problem = *request.problem;
+  const bool by_recipe = request.shape.by_recipe();
+  catalog::Choice choice;
+  RecipeOptions options;
+  by_recipe ? void(options = recipe_of(request.shape, problem)) : void(choice = choice_of(request.shape, problem));
+  Plan plan = plan_of(request.sampling);
+  const Goal goal = plan.goal;
+  const Caller caller{watch};
+  double total = 0;
+  plan.progress = [&](std::int64_t done) { return caller.goes_on(problem.id, static_cast<double>(done), total); };
+  std::optional<Advice> advice;
+  if (by_recipe) {
+    advice = advise(problem.levels, plan, options);
+    choice = {advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
+              advice->law, advice->base_level, "", advice->block};
+    plan = debias::detail::plan_of(plan, *advice);
+  }
+
+  RunRequest now = request;
+  if (advice) now.shape = shape_of(choice);
+  if (earlier.sums) {
+    plan.earlier = earlier.sums;
+    if (goal.asked()) plan.samples = earlier.samples;
+  }
+  if (!goal.asked()) {
+    now.sampling.samples = plan.samples;
+    const auto [first, last] = range_of(request.shard, plan.samples);
+    plan.first = first;
+    plan.samples = last - first;
+  }
+  if (save) {
+    plan.save = [&](const RunState& sums, const Plan& drawn) {
+      if (goal.asked()) {
+        now.sampling.samples = drawn.samples;
+        now.sampling.goal = {};
+        now.served = goal;
+      }
+      save(now, sums);
+    };
+  }
+  total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
+  const Verdict verdict = verdict_of(problem, choice);
+  Statistics statistics = problem.run(choice, plan);
+  if (advice) debias::detail::follow(statistics, *advice, goal);
+  if (choice.base_level < problem.lowest_base) {
+    statistics.warnings.push_back(
+        "the base level lies below " + std::to_string(problem.lowest_base) +
+        ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
+  }
+  if (request.served.asked()) statistics.goal = request.served;
+  const Interval interval = statistics.interval(request.confidence);
+  const double z =
+      (statistics.components.front().mean - problem.truth) / validation::believed_error(statistics, problem.truth);
+  return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
+}
+
+std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
+  const Field samples_field{"samples"};
+  RunRequest r = request.kept.request;
+  const bool longer = request.goal.asked() || request.samples;
+  if (longer && r.shard) {
+    throw BadRequest({"resume: a shard ends where the next one begins; merge the shards, then extend the union"});
+  }
+  plan_of({.samples = request.samples, .goal = request.goal});  // says what is wrong
+  const Earlier earlier{request.kept.sums, r.sampling.samples.value_or(0)};
+  if (request.goal.asked()) {
+    r.sampling.goal = request.goal;
+    r.sampling.samples.reset();
+    r.served = {};
+  } else if (request.samples) {
+    const std::int64_t held = earlier.sums ? earlier.sums->last() : 0;
+    if (*request.samples < held) {
+      throw BadRequest({samples_field, " = '" + std::to_string(*request.samples) + "' (the file holds " +
+                                           std::to_string(held) +
+                                           " samples already, and none is thrown away); ask for more"});
+    }
+    r.sampling.goal = {};
+    r.sampling.samples = request.samples;
+    r.served = {};
+  }
+  r.sampling.threads = request.threads;
+  r.sampling.ranks = request.ranks;
+  return {r, earlier};
+}
+
+KeptRun merged(const MergeRequest& request) {
+  KeptRun whole;
+  RunState sums;
+  bool any = false;
+  for (const auto& [name, kept] : request.shards) {
+    RunRequest shard = kept.request;
+    shard.shard.reset();
+    if (whole.request.problem == nullptr) {
+      whole.request = shard;
+    } else if (!request.same(whole.request, shard)) {
+      throw BadPart("'" + name + "': of another run than '" + request.shards.front().first +
+                    "': problem, options, seed and samples must be the same");
+    }
+    if (!kept.sums) continue;
+    try {
+      any ? sums.merge(*kept.sums) : void(sums = *kept.sums);
+    } catch (const std::invalid_argument& e) {
+      throw BadPart("'" + name + "': " + e.what());
+    }
+    any = true;
+  }
+  if (!whole.request.sampling.samples || !any) throw BadPart("merge: none of the files has a finished sample");
+  const std::int64_t samples = *whole.request.sampling.samples;
+  const auto gaps = sums.missing({0, samples});
+  if (!gaps.empty()) {
+    std::string missing;
+    for (std::size_t i = 0; i < gaps.size() && i < 4; ++i) {
+      missing += (i > 0 ? ", [" : "[") + std::to_string(gaps[i].first) + ", " + std::to_string(gaps[i].second) + ")";
+    }
+    throw BadPart("merge: of " + std::to_string(samples) + " samples " + missing +
+                  (gaps.size() > 4 ? " and more" : "") +
+                  " are missing; add the other shards, or finish them with `debias resume`");
+  }
+  whole.sums = std::make_shared<RunState>(std::move(sums));
+  return whole;
+}
+
+void print(std::ostream& out, const RunReport& run) {
+  const Statistics& s = run.statistics;
+  print_line(out, "problem", title(*run.problem));
+  out << s;
+  if (run.interval.confidence != 0.95) {
+    print_line(out, "interval",
+               rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, 8) + ", " +
+                   rounded(run.interval.high, 8) + "]");
+  }
+  if (!s.largest.empty()) {
+    const LargeSample& l = s.largest.front();
+    print_line(
+        out, "largest",
+        rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " + std::to_string(l.level) + ")");
+  }
+  if (!std::isnan(run.z)) {
+    print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
+  }
+  if (!run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
+  if (!run.advice) return;
+  out << *run.advice;
+  if (run.problem->id.empty()) return;
+  const catalog::Choice& c = run.choice;
+  print_line(out, "replay",
+             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --law '" +
+                 c.law.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
+                 std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
+}
+
+Fields fields(const RunReport& run) {
+  const Statistics& s = run.statistics;
+  const ComponentEstimate& c = s.components.front();
+  Fields f = describe(*run.problem, run.choice);
+  append(f, {{"mean", c.mean}, {"standard_error", c.standard_error}, {"interval", describe(run.interval)}});
+  if (s.components.size() > 1) {
+    List components;
+    for (std::size_t i = 0; i < s.components.size(); ++i) {
+      const Interval interval = s.interval(run.interval.confidence, i);
+      components.emplace_back(Fields{{"mean", s.components[i].mean},
+                                     {"standard_error", s.components[i].standard_error},
+                                     {"low", interval.low},
+                                     {"high", interval.high}});
+    }
+    f.push_back({"components", std::move(components)});
+  }
+  append(f, {{"bias_bound", Fields{{"size", s.bias_bound.size}, {"sentence", s.bias_bound.sentence}}},
+             {"samples", s.samples},
+             {"work", s.work},
+             {"seconds", s.seconds},
+             {"efficiency", s.efficiency()},
+             {"seed", s.seed},
+             {"truth", run.problem->truth},
+             {"z", run.z},
+             {"verdict", Fields{{"finite_variance", run.verdict.finite_variance},
+                                {"finite_work", run.verdict.finite_work},
+                                {"tail_index", run.verdict.tail_index},
+                                {"sentence", run.verdict.sentence}}}});
+  if (s.nonfinite == 0 && s.samples > 1) f.push_back({"evidence", describe(s.verdict())});
+  append(f, {{"warnings", s.warnings},
+             {"nonfinite", s.nonfinite},
+             {"goal", describe_goal(s)},
+             {"recipe", run.advice ? Node(describe(*run.advice)) : Node(nullptr)},
+             {"status", status_of(s)},
+             {"levels", list_of(s.levels, [](const LevelRow& row) { return describe(row); })},
+             {"largest", list_of(s.largest, [](const LargeSample& l) {
+                return Fields{{"index", l.index}, {"level", l.level}, {"value", l.value}};
+              })}});
+  append(f, versions());
+  return f;
+}
+
+}  // namespace debias::commands

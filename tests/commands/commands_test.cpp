@@ -1,0 +1,175 @@
+// Commands without a door: requests made here, reports read here.
+
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include "catch_shim.hpp"
+#include "commands/advise.hpp"
+#include "commands/multilevel.hpp"
+#include "commands/replay.hpp"
+#include "commands/run.hpp"
+#include "commands/survey.hpp"
+#include "commands/tradeoff.hpp"
+#include "commands/validate.hpp"
+#include "validation/bits.hpp"
+
+using namespace debias;
+using namespace debias::commands;
+
+namespace {
+
+const catalog::Problem& problem() { return catalog::find("A10"); }
+
+template <class F>
+std::string refusal(const F& f) {
+  try {
+    f();
+    return "accepted";
+  } catch (const BadRequest& e) {
+    return e.what();
+  }
+}
+
+struct Memory final : Store {
+  std::map<std::string, Bytes> parts;
+  const Bytes* held(const std::string& part) const override {
+    const auto at = parts.find(part);
+    return at == parts.end() ? nullptr : &at->second;
+  }
+  bool due() const override { return true; }
+  void keep(const std::string& part, Bytes contents) override { parts[part] = std::move(contents); }
+};
+
+}  // namespace
+
+TEST_CASE("a request with defaults alone runs a problem as its declared rates ask", "[commands][exact]") {
+  const RunReport report = run({.problem = &problem(), .sampling = {.samples = 2000, .seed = 3}});
+  const Statistics expected = problem().run({.law = catalog::default_law(problem())}, {.samples = 2000, .seed = 3});
+  CHECK(validation::bits_of(report.statistics) == validation::bits_of(expected));
+  CHECK(std::abs(report.z) < 4.5);
+}
+
+TEST_CASE("a refusal names fields, and each door spells them", "[commands][exact]") {
+  const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"law"}, " out of base_level"});
+  CHECK(std::string(e.what()) == "base_level = '1'; leave law out of base_level");
+  CHECK(e.spelled([](std::string_view f) { return "<" + std::string(f) + ">"; }) ==
+        "<base_level> = '1'; leave <law> out of base_level");
+}
+
+TEST_CASE("fields that do not go together are refused, whoever asks", "[commands][exact]") {
+  const Estimator truncated{catalog::Method::truncated};
+  CHECK(refusal([&] {
+          run({.problem = &problem(), .shape = {.estimator = truncated, .law = AnyPmf(Zeta(2.0))}});
+        }).find("truncated draws no level") != std::string::npos);
+  CHECK(refusal([&] {
+          run({.problem = &problem(), .sampling = {.samples = 10, .goal = {.error = 1}}});
+        }).find("a goal fixes the samples") != std::string::npos);
+  CHECK(refusal([&] {
+          run({.problem = &problem(), .sampling = {.goal = {.error = 1, .seconds = 1}}});
+        }).find("more than one") != std::string::npos);
+  CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a sweep is for") !=
+        std::string::npos);
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("law auto chooses it") !=
+        std::string::npos);
+  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.law = ByRecipe{}}}); }).find("a replay needs") !=
+        std::string::npos);
+  CHECK(refusal([&] { validate({.samples = 1}); }).find("has no standard error") != std::string::npos);
+  CHECK(refusal([&] { multilevel_of({.problem = &problem()}); }).find("takes its draws from error") !=
+        std::string::npos);
+}
+
+TEST_CASE("a run that is kept half way and extended has the bits of the whole", "[commands][exact]") {
+  const RunRequest asked{.problem = &problem(), .sampling = {.samples = 6000, .seed = 5}};
+  KeptRun kept;
+  run(asked, {}, {}, [&](const RunRequest& now, const RunState& sums) {
+    kept = {now, std::make_shared<RunState>(sums)};
+  });
+  CHECK(kept.request.sampling.samples == 6000);
+  const auto [longer, earlier] = extended({.kept = kept, .samples = 10'000});
+  const RunReport grown = run(longer, {}, earlier);
+  RunRequest whole = asked;
+  whole.sampling.samples = 10'000;
+  CHECK(validation::bits_of(grown.statistics) == validation::bits_of(run(whole).statistics));
+  CHECK(refusal([&] { extended({.kept = kept, .samples = 100}); }).find("none is thrown away") != std::string::npos);
+}
+
+TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
+  RunRequest now;
+  const RunReport report = run({.problem = &problem(), .shape = {.law = ByRecipe{}}, .sampling = {.samples = 20'000}},
+                               {}, {}, [&](const RunRequest& kept, const RunState&) { now = kept; });
+  REQUIRE(report.advice);
+  CHECK(std::get<AnyPmf>(now.shape.law).spec() == report.advice->law.spec());
+  CHECK(now.shape.block == report.advice->block);
+  CHECK(validation::bits_of(run(now).statistics) == validation::bits_of(report.statistics));
+}
+
+TEST_CASE("shards join to the whole, and only to it", "[commands][exact]") {
+  MergeRequest shards;
+  shards.same = [](const RunRequest& a, const RunRequest& b) { return a.sampling.seed == b.sampling.seed; };
+  RunRequest asked{.problem = &problem(), .sampling = {.samples = 5000}};
+  for (const std::int64_t i : {2, 1}) {
+    RunRequest part = asked;
+    part.shard = Shard{i, 2};
+    KeptRun kept;
+    run(settled(part), {}, {}, [&](const RunRequest& now, const RunState& sums) {
+      kept = {now, std::make_shared<RunState>(sums)};
+    });
+    shards.shards.emplace_back("part " + std::to_string(i), kept);
+  }
+  const KeptRun whole = merged(shards);
+  CHECK(validation::bits_of(run(whole.request, {}, {whole.sums}).statistics) ==
+        validation::bits_of(run(settled(asked)).statistics));
+  MergeRequest one = shards;
+  one.shards.pop_back();
+  CHECK_THROWS_AS(merged(one), BadPart);
+  shards.shards[1].second.request.sampling.seed = 2;
+  CHECK_THROWS_AS(merged(shards), BadPart);
+}
+
+TEST_CASE("a caller that ends a sweep gets its finished points, and takes them up again", "[commands][exact]") {
+  const TradeoffRequest request{.problem = &problem(), .points = 3, .samples = 4000};
+  const TradeoffReport whole = tradeoff(request);
+  Memory memory;
+  const auto until_third = [](std::string_view what, double, double) {
+    return what.find("point 3") == std::string_view::npos;
+  };
+  const TradeoffReport part = tradeoff(request, {until_third, &memory});
+  CHECK(!part.complete);
+  REQUIRE(part.points.size() == 2);
+  const TradeoffReport resumed = tradeoff(request, {{}, &memory});
+  REQUIRE(resumed.points.size() == 3);
+  CHECK(resumed.complete);
+  for (std::size_t i = 0; i < 3; ++i) CHECK(resumed.points[i].variance == whole.points[i].variance);
+  memory.parts.begin()->second.pop_back();
+  CHECK_THROWS_AS(tradeoff(request, {{}, &memory}), BadPart);
+}
+
+TEST_CASE("JSON has null for what is not finite, and the digits of every double", "[commands][exact]") {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const Fields f = {{"x", infinity},
+                    {"y", 0.1},
+                    {"n", std::uint64_t{18446744073709551615u}},
+                    {"text", "\xff"},
+                    {"list", List{true, nullptr, 5.0}}};
+  CHECK(json_line(f) ==
+        "{\"x\":null,\"y\":0.1,\"n\":18446744073709551615,\"text\":\"\xef\xbf\xbd\",\"list\":[true,null,5.0]}");
+}
+
+TEST_CASE("each report has a text and fields", "[commands][exact]") {
+  const auto said = [](const auto& report) {
+    std::ostringstream text;
+    print(text, report);
+    return text.str().find("A10 square-of-mean") != std::string::npos &&
+           to_json(report).find("\"id\": \"A10\"") != std::string::npos;
+  };
+  CHECK(said(run({.problem = &problem(), .sampling = {.samples = 100}})));
+  CHECK(said(survey({.problem = &problem(), .levels = 3, .samples = 100})));
+  CHECK(said(replay({.problem = &problem(), .sample = 7})));
+  CHECK(said(advise({.problem = &problem(), .sampling = {.samples = 1000}})));
+  CHECK(said(multilevel({.problem = &problem(), .error = 0.1})));
+}
