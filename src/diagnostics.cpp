@@ -125,6 +125,11 @@ void BlockMeans::close() {
   length_ *= 2;
 }
 
+void BlockMeans::scale(int exponent) {
+  for (double& m : means_) m = std::ldexp(m, exponent);
+  sum_ = std::ldexp(sum_, exponent);
+}
+
 BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   if (!(delta > 0 && delta < 1)) {
     throw std::invalid_argument("median_of_means: delta = " + std::to_string(delta) +

@@ -30,6 +30,16 @@ double with_weak_prior(double k, std::size_t n) {
   return (count * k + 5) / (count + 10);
 }
 
+// A tail wider than the range of a double, where the fit has no numbers: the mean of log(x / smallest), Hill's.
+double shape_of(std::span<const double> x) {
+  constexpr double widest = 1e290;
+  if (x.size() < fewest_values || first_quartile(x) > x.back() / widest) return fit_pareto(x).k;
+  const double low = x.back() / widest;
+  double sum = 0;
+  for (const double v : x) sum += std::log(std::max(v, low) / low);
+  return sum / static_cast<double>(x.size());
+}
+
 // Values that differ by rounding only are one value of a lattice.
 bool same(double a, double b) { return a - b <= 1e-13 * std::max(std::abs(a), std::abs(b)); }
 
@@ -110,13 +120,13 @@ double plain_shape(std::span<const double> descending, std::size_t size) {
   if (below == descending.size()) return -std::numeric_limits<double>::infinity();
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(descending[i] - descending[below]);
-  return with_weak_prior(fit_pareto(x).k, size);
+  return with_weak_prior(shape_of(x), size);
 }
 
 double shape_above(std::span<const double> descending, std::size_t size, double cutoff) {
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(descending[i] - cutoff);
-  return with_weak_prior(fit_pareto(x).k, size);
+  return with_weak_prior(shape_of(x), size);
 }
 
 // The standard error of a Pareto law, and how far the k of a half and a quarter of the tail lie from k beyond
@@ -194,7 +204,7 @@ TailIndex tail_index(std::span<const double> descending, std::int64_t samples, d
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(values[i] - index.cutoff);
   index.state = TailState::fitted;
-  index.k = with_weak_prior(fit_pareto(x).k, size);
+  index.k = with_weak_prior(shape_of(x), size);
   index.error = error_of(values, size, index.k);
   index.plain = index.ties ? plain_shape(descending, wanted) : index.k;
   add_classic(index, values, center);
