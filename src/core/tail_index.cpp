@@ -30,9 +30,14 @@ double with_weak_prior(double k, std::size_t n) {
   return (count * k + 5) / (count + 10);
 }
 
-// A tail wider than the range of a double, where the fit has no numbers: the mean of log(x / smallest), Hill's.
+// The fit where its reciprocals are doubles; for a tail wider than these the mean of log(x / smallest), Hill's.
 double shape_of(std::span<const double> x) {
   constexpr double widest = 1e290;
+  if (x.size() >= fewest_values && x.back() < 1 / widest && x.back() > 0) {
+    std::vector<double> larger(x.begin(), x.end());
+    for (double& v : larger) v = std::ldexp(v, 1000);
+    return shape_of(larger);
+  }
   if (x.size() < fewest_values || first_quartile(x) > x.back() / widest) return fit_pareto(x).k;
   const double low = x.back() / widest;
   double sum = 0;
@@ -74,7 +79,7 @@ std::vector<double> spread(const std::vector<Step>& steps) {
     double growth = 1;
     if (i > 0) growth = gap(i - 1) / gap(i);
     if (i == 0 && steps.size() > 2) growth = gap(0) / gap(1);
-    growth = std::max(growth, 1 + 1e-6);
+    growth = std::clamp(growth, 1 + 1e-6, 1e300);
     for (std::size_t j = 1; j < steps[i].count; ++j) {
       const auto rank = static_cast<double>(j);
       const double t = above > 0 ? std::log1p(rank / above) / std::log1p(count / above) : rank / count;
