@@ -28,14 +28,15 @@ may_include() {
     diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
+    numbers/*) echo 'numbers/.*' ;;
     recipe | recipe/*) echo 'recipe/.*|core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;
     render/*) echo '(core|estimators|render)/.*|diagnostics|photon|transmittance' ;;
-    commands/*) echo '(core|pmf|survey|recipe|validation|render|commands)/.*|[a-z_]*' ;;
+    commands/*) echo '(core|numbers|pmf|survey|recipe|validation|render|commands)/.*|[a-z_]*' ;;
     # siblings: neither sees the other
-    cli/*) echo '(core|commands|validation|render|cli)/.*|[a-z_]*' ;;
+    cli/*) echo '(core|numbers|commands|validation|render|cli)/.*|[a-z_]*' ;;
     python/*) echo '(core|pmf|estimators|survey|catalog|commands|python)/.*|[a-z_]*' ;;
     mpi/*) echo 'core/.*|mpi|mpi/.*' ;;
     *) echo "$no_runner" ;;

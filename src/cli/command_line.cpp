@@ -249,12 +249,24 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   Subcommand& diagnose = add("diagnose", "Mean, error, tails and a verdict on the variance of numbers from a file",
                              "  debias diagnose samples.txt\n"
                              "  debias diagnose table.csv --column flux --json\n"
+                             "  debias diagnose tabelle.csv --decimal , --column Wert\n"
+                             "  debias diagnose array.npy --column 2\n"
                              "  simulation | debias diagnose - --format f64");
   diagnose.app
-      ->add_option("FILE", diagnose.words.values["file"], "One number a row, or CSV with a header; - is standard input")
+      ->add_option("FILE", diagnose.words.values["file"],
+                   "One number a row, a table, or .npy of NumPy; rows that begin with # are comments; - is standard "
+                   "input")
       ->required();
   diagnose.value("column", "C", "Name, or number from 1");
-  diagnose.value("format", "F", "text, or f64: little-endian doubles");
+  diagnose.value("format", "F",
+                 "text or npy, or raw numbers: f64, f32 (little-endian), f64be, f32be (big-endian); auto is npy by its "
+                 "first bytes, else text");
+  diagnose.value("separator", "S",
+                 "Between fields: comma, semicolon, tab, space (any run of blanks), or a character; auto looks");
+  diagnose.value("decimal", "D", "The decimal mark: . or ,");
+  diagnose.flag("header", "The first row is names, whatever it looks like");
+  diagnose.flag("no_header", "The first row is values, whatever it looks like");
+  diagnose.flag("strict", "Refuse a file of which a row would be left out, or of which something is in doubt");
   add_output(diagnose);
 
   CLI::App& render = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");

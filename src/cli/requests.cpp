@@ -17,7 +17,25 @@ constexpr auto most = std::numeric_limits<std::int64_t>::max();
 
 constexpr std::array<std::string_view, 3> topics = {"problems", "estimators", "laws"};
 constexpr std::array<std::string_view, 2> scenes = {"direct", "sphere"};
-constexpr std::array<std::string_view, 2> formats = {"text", "f64"};
+
+struct FormatName {
+  std::string_view name;
+  numbers::Format format;
+  numbers::ByteOrder order;
+};
+constexpr auto little = numbers::ByteOrder::little;
+constexpr auto big = numbers::ByteOrder::big;
+constexpr std::array<FormatName, 7> formats = {{{"auto", numbers::Format::automatic, little},
+                                                {"text", numbers::Format::text, little},
+                                                {"npy", numbers::Format::npy, little},
+                                                {"f64", numbers::Format::f64, little},
+                                                {"f32", numbers::Format::f32, little},
+                                                {"f64be", numbers::Format::f64, big},
+                                                {"f32be", numbers::Format::f32, big}}};
+
+// The first name of a separator is the one that is written.
+constexpr std::array<std::pair<std::string_view, char>, 6> separators = {
+    {{"auto", '\0'}, {"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}, {"\\t", '\t'}}};
 
 std::uint64_t seed_of(const std::string& text, const std::string& name) {
   return parse_count(text, name, 0, std::numeric_limits<std::uint64_t>::max());
@@ -122,6 +140,39 @@ class Reader {
     if (!text("estimator").empty()) x = &named(text("estimator"));
   }
   void law(Law& x) const { x = law_of(text("law")); }
+  void format(numbers::Request& x) const {
+    const std::string& t = text("format");
+    std::vector<std::string_view> names;
+    for (const FormatName& f : formats) {
+      names.push_back(f.name);
+      if (f.name != t) continue;
+      x.format = f.format;
+      x.order = f.order;
+      return;
+    }
+    throw std::invalid_argument("--format = '" + t + "' (must be text, npy, f64, f32, f64be, f32be or auto)" +
+                                suggestion(t, names));
+  }
+  void separator(char& x) const {
+    const std::string& t = text("separator");
+    for (const auto& [name, character] : separators) {
+      if (name != t) continue;
+      x = character;
+      return;
+    }
+    if (t.size() != 1 || t.find_first_not_of(",;\t |:/&~^!$") != t.npos) {
+      constexpr std::array<std::string_view, 5> names = {"auto", "comma", "semicolon", "tab", "space"};
+      throw std::invalid_argument("--separator = '" + t +
+                                  "' (must be comma, semicolon, tab, space, auto, or a character such as |)" +
+                                  suggestion(t, names));
+    }
+    x = t[0];
+  }
+  void decimal(char& x) const {
+    const std::string& t = text("decimal");
+    if (t != "." && t != ",") throw std::invalid_argument("--decimal = '" + t + "' (must be . or ,)");
+    x = t[0];
+  }
   void family(Family& x) const { x = family_of(text("family")); }
   void shard(std::optional<Shard>& x) const {
     const std::string& t = text("shard");
@@ -191,6 +242,20 @@ class Writer {
     const AnyPmf* law = std::get_if<AnyPmf>(&x);
     text("law", law != nullptr ? law->spec() : std::holds_alternative<ByRecipe>(x) ? "auto" : "declared");
   }
+  void format(const numbers::Request& x) {
+    for (const FormatName& f : formats) {
+      if (f.format == x.format && f.order == x.order) text("format", std::string(f.name));
+    }
+  }
+  void separator(char x) {
+    text("separator", std::string(1, x));
+    for (const auto& [name, character] : separators) {
+      if (character != x) continue;
+      text("separator", std::string(name));
+      return;
+    }
+  }
+  void decimal(char x) { text("decimal", std::string(1, x)); }
   void family(Family x) { text("family", name_of(x)); }
   void shard(const std::optional<Shard>& x) {
     text("shard", x ? std::to_string(x->index) + "/" + std::to_string(x->of) : "");
@@ -299,13 +364,17 @@ void layout(Way& way, TradeoffRequest& r) {
 template <class Way>
 void layout(Way& way, Diagnose& r) {
   way.text("file", r.file);
-  way.text("column", r.column);
-  std::size_t format = r.doubles ? 1 : 0;
-  way.word("format", format, formats, option("format") + " =", "must be text or f64", "");
-  r.doubles = format == 1;
-  if (r.doubles && !r.column.empty()) {
-    throw std::invalid_argument("--column (a file of doubles has none); leave it out, or --format text");
-  }
+  way.text("column", r.reading.column);
+  way.format(r.reading);
+  way.separator(r.reading.separator);
+  way.decimal(r.reading.decimal);
+  bool yes = r.reading.header == numbers::Header::yes;
+  bool no = r.reading.header == numbers::Header::no;
+  way.flag("header", yes);
+  way.flag("no_header", no);
+  if (yes && no) throw std::invalid_argument("--header and --no-header (contradict each other); leave one out");
+  r.reading.header = yes ? numbers::Header::yes : no ? numbers::Header::no : numbers::Header::guess;
+  way.flag("strict", r.reading.strict);
 }
 
 template <class Way>

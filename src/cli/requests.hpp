@@ -13,6 +13,7 @@
 #include <variant>
 #include <vector>
 
+#include "commands/diagnose.hpp"
 #include "commands/list.hpp"
 #include "commands/multilevel.hpp"
 #include "commands/render.hpp"
@@ -49,8 +50,7 @@ struct Merge {
 
 struct Diagnose {
   std::string file;
-  std::string column = {};  ///< name, or number from 1
-  bool doubles = false;     ///< little-endian, instead of text
+  numbers::Request reading = {};
 };
 
 /// A cloud of one's own, or the usual one.

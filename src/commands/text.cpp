@@ -1,21 +1,16 @@
 #include "text.hpp"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <ostream>
 
 #include <debias/core/stream.hpp>
 
+#include "core/text.hpp"
 #include "fields.hpp"
 
 namespace debias::commands {
 
-std::string rounded(double x, int digits) {
-  std::array<char, 64> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), x, std::chars_format::general, digits).ptr;
-  return {text.data(), end};
-}
+std::string rounded(double x, int digits) { return formatted("%." + std::to_string(digits) + "g", x); }
 
 void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths) {
   std::string line;

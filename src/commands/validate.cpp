@@ -53,7 +53,7 @@ std::int64_t count(const validation::Report& report, validation::Status status) 
 
 const Row hard_header = {"case", "hard by", "truth", "error", "std error", "lost", "status", "the result says"};
 
-std::string figure(double x) { return std::isnan(x) ? "nan" : rounded(x, 2); }
+std::string figure(double x) { return std::isnan(x) ? "unknown" : rounded(x, 2); }
 
 Row row_of(const HardCell& cell) {
   Row row = {cell.group, cell.parameter, rounded(cell.truth, 3)};

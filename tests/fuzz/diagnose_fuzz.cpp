@@ -1,4 +1,4 @@
-// `debias diagnose` on any file: the first byte chooses format, column and output, the rest is the file.
+// `debias diagnose` on any file: the first byte chooses format, column, separator and output, the rest is the file.
 
 #include <sys/mman.h>
 #include <unistd.h>
@@ -21,8 +21,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Words words = usual_words("diagnose");
   words.values["file"] = "/proc/self/fd/" + std::to_string(file);
   const unsigned choice = data[0];
-  if ((choice & 1U) != 0) words.values["format"] = "f64";
+  if ((choice & 1U) != 0) words.values["format"] = (choice & 16U) != 0 ? "f32be" : "f64";
   if ((choice & 4U) != 0) words.values["column"] = (choice & 8U) != 0 ? "2" : "flux";
+  if ((choice & 1U) == 0) {
+    if ((choice & 16U) != 0) words.values["decimal"] = ",";
+    if ((choice & 32U) != 0) words.values["separator"] = (choice & 64U) != 0 ? "semicolon" : "space";
+    words.flags["header"] = (choice & 128U) != 0;
+  }
   try {
     const int code = execute({read_request("diagnose", words), {.output = "/dev/null", .json = (choice & 2U) != 0}});
     if (code != done && code != file_error && code != nonfinite_samples) std::abort();
