@@ -44,7 +44,7 @@ class Target {
   void write(const commands::PicturesReport& report) {
     if (!index_) return;
     if (!report.curves.empty()) {
-      std::ostringstream curves;
+      std::ostringstream curves;  // only texts
       print_curves(curves, report);
       write_file("curves.csv", curves.str());
     }

@@ -34,7 +34,7 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
     const ComponentEstimate& c = s.components.front();
     summary.stream() << report.problem->id << ' ' << report.problem->name << ": "
                      << with_error(c.mean, c.standard_error) << ", z = " << commands::rounded(report.z, 3) << ", "
-                     << s.samples << " samples, seed " << s.seed << '\n';
+                     << std::to_string(s.samples) << " samples, seed " << std::to_string(s.seed) << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;

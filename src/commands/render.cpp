@@ -225,7 +225,7 @@ void print(std::ostream& out, const PicturesReport& all) {
 void print_curves(std::ostream& out, const PicturesReport& all) {
   out << "estimator,photons,passes,error\n";
   for (const CurvePoint& c : all.curves) {
-    out << c.name << ',' << to_text(c.photons) << ',' << c.passes << ',' << to_text(c.error) << '\n';
+    out << c.name << ',' << to_text(c.photons) << ',' << std::to_string(c.passes) << ',' << to_text(c.error) << '\n';
   }
 }
 

@@ -143,13 +143,14 @@ Fields fields(const Cell& cell) {
 
 void print(std::ostream& out, const ValidateReport& v) {
   using enum validation::Status;
-  out << v.report.cells.size() << " cells: " << v.report.passed << " passed, " << v.report.failed << " failed, "
-      << count(v.report, biased) << " biased, " << count(v.report, refused) << " refused, "
-      << count(v.report, underpowered) << " underpowered\n"
+  const auto whole = [](auto n) { return std::to_string(n); };
+  out << whole(v.report.cells.size()) << " cells: " << whole(v.report.passed) << " passed, " << whole(v.report.failed)
+      << " failed, " << whole(count(v.report, biased)) << " biased, " << whole(count(v.report, refused)) << " refused, "
+      << whole(count(v.report, underpowered)) << " underpowered\n"
       << "max |z| " << rounded(v.report.max_abs_z, 3) << ", threshold " << rounded(v.report.threshold, 3)
       << "; smallest detectable bias " << rounded(v.report.smallest_detectable_bias, 3)
       << " standard deviations of one sample\n"
-      << v.samples << " samples per cell, seed " << v.seed << ", " << rounded(v.seconds, 3) << " s\n";
+      << whole(v.samples) << " samples per cell, seed " << whole(v.seed) << ", " << rounded(v.seconds, 3) << " s\n";
 }
 
 Fields fields(const ValidateReport& v) {
@@ -215,8 +216,9 @@ Fields fields(const HardCell& cell) {
 }
 
 void print(std::ostream& out, const HardReport& h) {
-  out << h.report.cells.size() << " cases, " << h.report.failed << " wrong without a word; " << h.samples
-      << " samples each, seed " << h.seed << "; threshold " << rounded(h.report.threshold, 3) << " standard errors\n";
+  out << std::to_string(h.report.cells.size()) << " cases, " << std::to_string(h.report.failed)
+      << " wrong without a word; " << std::to_string(h.samples) << " samples each, seed " << std::to_string(h.seed)
+      << "; threshold " << rounded(h.report.threshold, 3) << " standard errors\n";
 }
 
 Fields fields(const HardReport& h) {

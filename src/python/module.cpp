@@ -74,7 +74,7 @@ py::object object_of(const commands::Node& node) {
 // As text, as JSON and as a dict.
 template <class R>
 py::tuple as_objects(const R& report) {
-  std::ostringstream text;
+  std::ostringstream text;  // only texts
   print(text, report);
   return py::make_tuple(text.str(), commands::to_json(report), object_of(fields(report)));
 }
