@@ -133,6 +133,17 @@ Json evidence_json(const RunVerdict& v) {
           {"sentences", v.sentences()}};
 }
 
+Json coupling_json(const Coupling& c) {
+  const bool compared = c.state == Coupling::State::right || c.state == Coupling::State::wrong;
+  const auto figure = [compared](auto x) { return compared ? Json(x) : Json(nullptr); };
+  return {{"state", name_of(c.state)},
+          {"first_level", figure(c.first_level)},
+          {"last_level", figure(c.last_level)},
+          {"level", figure(c.level)},
+          {"z", figure(c.z)},
+          {"threshold", figure(c.threshold)}};
+}
+
 // For people and for diff: one line per entry of a list.
 // Bytes of a file that are no UTF-8 are replaced.
 std::string pretty(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
@@ -207,6 +218,7 @@ std::string run_json(const Run& run) {
                      {"tail_index", number(run.verdict.tail_index)},
                      {"sentence", run.verdict.sentence}};
   if (s.nonfinite == 0 && s.samples > 1) json["evidence"] = evidence_json(s.verdict());
+  json["coupling"] = coupling_json(s.coupling);
   json["warnings"] = s.warnings;
   json["nonfinite"] = s.nonfinite;
   json["goal"] = goal_json(s);

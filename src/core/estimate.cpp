@@ -321,6 +321,13 @@ void warn_of_single_precision(Statistics& s, double epsilon) {
       "the mean by more; compute the values in double.");
 }
 
+void judge_coupling(Statistics& s, double epsilon) {
+  const Accumulator sums = s.state.total();
+  s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
+  const std::string warning = warning_of(s.coupling);
+  if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
+}
+
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;

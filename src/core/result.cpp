@@ -194,6 +194,7 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   if (s.bias_bound.size > 0)
     line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
   line("estimator", s.estimator);
+  if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
   line("work", format("%.4g", s.work) + " (" + format("%.4g", s.work_per_sample()) + " per sample)");

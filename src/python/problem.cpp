@@ -127,7 +127,12 @@ struct Levels {
     return {value_in(numbers, level), work};
   }
   Term<V> difference_at(std::int64_t level, Stream& rng) const {
+    return difference_at(level, rng, [](const V&, const V&) {});
+  }
+  /// Reports I_k and D_k where both are there.
+  Term<V> difference_at(std::int64_t level, Stream& rng, const auto& report) const {
     const auto [numbers, work] = look_up(level, rng);
+    if (numbers.size() > components) report(value_in(numbers, level), difference_in(numbers));
     return {difference_in(numbers), work};
   }
 

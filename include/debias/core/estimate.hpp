@@ -49,10 +49,13 @@ std::int64_t chunk_of(const E& estimator) {
 Statistics merge(const Statistics& a, const Statistics& b);
 /// Says so where the standard error is below the rounding of the values themselves.
 void warn_of_single_precision(Statistics& statistics, double epsilon);
+/// Judges the coupling of the levels, and warns first of all of a wrong one.
+void judge_coupling(Statistics& statistics, double epsilon);
 
 template <Value V>
 Statistics with_rounding(Statistics statistics) {
   constexpr double epsilon = epsilon_of<V>();
+  judge_coupling(statistics, epsilon);
   if constexpr (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(statistics, epsilon);
   return statistics;
 }
@@ -171,12 +174,17 @@ template <Estimator E>
 Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
   struct TraceRecord {
     std::vector<TracedLevel> levels;
-    void base(std::int64_t level, double value, double work) { levels.push_back({true, level, value, work}); }
-    void difference(std::int64_t level, double d, double work) { levels.push_back({false, level, d, work}); }
+    void base(std::int64_t level, double value, double work) { add({true, level, value, work}); }
+    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}); }
+    void add(const TracedLevel& l) {
+      detail::check_work(l.level, l.work);
+      levels.push_back(l);
+    }
   } record;
   Stream rng(seed, static_cast<std::uint64_t>(index));
   try {
     auto sample = draw_sample(estimator, rng, record);
+    detail::check_work(sample.level, sample.work);
     return {std::move(sample), std::move(record.levels)};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);

@@ -20,6 +20,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/coupling.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/verdict.hpp>
 
@@ -165,6 +166,7 @@ struct Statistics {
   std::int64_t nonfinite = 0;
   std::int64_t first_nonfinite = -1;
   BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
+  Coupling coupling;     ///< of the levels, where their draws have values
   std::vector<std::string> warnings;
   Goal goal;                 ///< that was asked for
   double pilot_seconds = 0;  ///< of the pilot that it took

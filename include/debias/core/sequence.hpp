@@ -7,11 +7,11 @@
 // A BiasedSequence addresses its levels: `s(level, rng)` returns a coupled draw of I_k and D_k. A TermSequence
 // yields the terms of a series in order along one path: `s(rng)` returns a cursor, `cursor()` the next term.
 // Both are const callables of a Stream, a lambda will do; a `mutable` one, a data race in a parallel run, does
-// not compile. What is required: E D_k = E I_k - E I_(k-1) for every k (a survey checks it), work > 0, and
-// sum_k E|D_k| < infinity. Optional members, found by concepts:
+// not compile. What is required: E D_k = E I_k - E I_(k-1) for every k (every run checks it where draws have values), D_0 =
+// I_0, work > 0, and sum_k E|D_k| < infinity. Optional members, found by concepts:
 //
 //   value_at(level, rng)            -> Term: I_k alone, when the coarse partner costs extra
-//   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra
+//   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra; no run checks the coupling then
 //   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
 //   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
@@ -24,6 +24,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/coupling.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -152,13 +153,15 @@ template <class S>
 concept BatchesLevels = std::same_as < sequence_value_t<S>,
 double > &&(BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
 
-/// I_level alone, by the cheapest way that the sequence offers.
+/// I_level alone, by the cheapest way that the sequence offers. Throws, like difference_of, std::invalid_argument where a
+/// draw of level 0 has another difference than its value.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersValueAt<S>) {
     return s.value_at(level, rng);
   } else {
     auto draw = s(level, rng);
+    if (level == 0) detail::check_level_zero(draw.value, draw.difference);
     return {std::move(draw.value), draw.work};
   }
 }
@@ -170,6 +173,7 @@ Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& 
     return s.difference_at(level, rng);
   } else {
     auto draw = s(level, rng);
+    if (level == 0) detail::check_level_zero(draw.value, draw.difference);
     return {std::move(draw.difference), draw.work};
   }
 }
@@ -194,8 +198,10 @@ class LevelsOf {
     Term<value_type> term = cursor();
     value_type partial = term.value;
     double work = term.work;
+    detail::check_work(0, work);
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
+      detail::check_work(k, term.work);
       partial = sum(std::move(partial), term.value);
       work += term.work;
     }

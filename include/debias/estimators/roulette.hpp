@@ -61,8 +61,10 @@ class Roulette {
     auto cursor = terms_(path);
     auto term = cursor();
     Sample<value_type> sample{std::move(term.value), term.work, last};
+    detail::check_work(0, term.work);
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
+      detail::check_work(k, term.work);
       sample.value = sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
@@ -178,8 +180,10 @@ class PolicyRoulette {
     auto cursor = terms_(path);
     auto term = cursor();
     Sample<value_type> sample{std::move(term.value), term.work, base_level_};
+    detail::check_work(0, term.work);
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
+      detail::check_work(k, term.work);
       sample.value = sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }

@@ -64,9 +64,8 @@ class SingleTerm {
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::drawn) {
       Stream level_stream = split_level(rng, level);
-      auto term = level == m ? value_of(sequence_, level, level_stream) : difference_of(sequence_, level, level_stream);
-      level == m ? record.base(m, as_scalar(term.value), term.work)
-                 : record.difference(level, as_scalar(term.value), term.work);
+      auto term = level == m ? detail::recorded_base(sequence_, level, level_stream, record)
+                             : detail::recorded_difference(sequence_, level, level_stream, record);
       return {scaled(std::move(term.value), weight), term.work, level};
     }
     return detail::base_and_difference(sequence_, m, level, weight, rng, record);

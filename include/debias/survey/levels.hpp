@@ -103,6 +103,7 @@ struct LevelDraw {
   Sample<Several<V, 3>> operator()(Stream& rng, R& record) const {
     Stream own = split_level(split(rng, Branch::pilot), level);
     auto draw = sequence(level, own);
+    if (level == 0) check_level_zero(draw.value, draw.difference);
     const double size = as_scalar(draw.difference);
     record.difference(level, size, draw.work);
     V coarse = debias::difference(draw.value, draw.difference);
@@ -167,6 +168,7 @@ struct TogetherDraw {
         for (const SharedDraw<double>& draw : std::span(both).first(n)) {
           bases.push_back(draw.base);
           differences.push_back(draw.difference);
+          check_work(level, draw.work);
           work += draw.work;
         }
       } else {
@@ -176,12 +178,15 @@ struct TogetherDraw {
         sequence.values(base_level, base_streams, some);
         for (const Term<double>& term : some) {
           bases.push_back(term.value);
+          check_work(base_level, term.work);
           work += term.work;
         }
         if (level > 0) sequence.differences(level, streams, some);
         for (const Term<double>& term : some) {
           differences.push_back(term.value);
-          if (level > 0) work += term.work;
+          if (level == 0) continue;
+          check_work(level, term.work);
+          work += term.work;
         }
       }
       j += static_cast<std::int64_t>(n);
@@ -203,8 +208,12 @@ std::pair<double, double> mean_work(const S& sequence, std::int64_t level, const
     const Stream sample = split(Stream(plan.seed, static_cast<std::uint64_t>(i)), Branch::pilot);
     Stream one = split_level(sample, level);
     Stream two = split_level(sample, level);
-    value += value_of(sequence, level, one).work;
-    difference += difference_of(sequence, level, two).work;
+    const double of_value = value_of(sequence, level, one).work;
+    const double of_difference = difference_of(sequence, level, two).work;
+    check_work(level, of_value);
+    check_work(level, of_difference);
+    value += of_value;
+    difference += of_difference;
   }
   constexpr double n = draws_for_work;
   return {value / n, difference / n};
