@@ -205,6 +205,7 @@ std::string run_json(const Run& run) {
                                     {"high", number(interval.high)}});
     }
   }
+  if (!s.name.empty()) json["name"] = s.name;
   json["bias_bound"] = {{"size", number(s.bias_bound.size)}, {"sentence", s.bias_bound.sentence}};
   json["samples"] = s.samples;
   json["work"] = number(s.work);

@@ -155,6 +155,8 @@ struct detail::Codec {
     [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
     io.number(s.seconds);
+    io.text(s.identity.estimator);
+    io.text(s.identity.name);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
     std::uint64_t n = s.nodes_.size();
     io.number(n);

@@ -31,8 +31,8 @@ void check(const Plan& plan) {
 }
 
 // What all ranks of a run must have in common.
-std::string description(const Plan& plan, const std::string& estimator, std::int64_t chunk) {
-  std::string text = estimator;
+std::string description(const Plan& plan, const Identity& identity, std::int64_t chunk) {
+  std::string text = identity.estimator + identity.name;
   for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, chunk,
                                static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
     text += ' ' + std::to_string(x);
@@ -41,11 +41,12 @@ std::string description(const Plan& plan, const std::string& estimator, std::int
 }
 
 // Means, errors, rows and warnings from the sums of a run.
-Statistics finish(std::string estimator, std::uint64_t seed, RunState state) {
+Statistics finish(std::uint64_t seed, RunState state) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Accumulator sums = state.total();
   Statistics s;
-  s.estimator = std::move(estimator);
+  s.estimator = state.identity.estimator;
+  s.name = state.identity.name;
   s.seed = seed;
   s.first = state.first();
   s.samples = state.last() - state.first();
@@ -157,11 +158,12 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   std::terminate();  // not reached: report always throws
 }
 
-Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body) {
+Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body) {
   const auto start = std::chrono::steady_clock::now();
   Ranks* const ranks = plan.ranks;
   const bool leads = ranks == nullptr || ranks->leads();
   Work work(chunk);
+  work.state.identity = identity;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
@@ -194,10 +196,13 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
     for (const RunState::Range& samples : missing) work.give(samples);
     work.close();
   } else {
-    ranks->agree(description(plan, estimator, chunk), begin);
+    ranks->agree(description(plan, identity, chunk), begin);
   }
   const double earlier_seconds = work.state.seconds;
-  if (!leads) work.state = RunState(chunk);
+  if (!leads) {
+    work.state = RunState(chunk);
+    work.state.identity = identity;
+  }
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
@@ -279,7 +284,8 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
       rethrow_with_sample(plan.seed, work.failed_index);
     }
   }
-  Statistics statistics = finish(std::move(estimator), plan.seed, std::move(work.state));
+  work.state.identity = identity;  // with its type, also where the sums came from another rank
+  Statistics statistics = finish(plan.seed, std::move(work.state));
   add_warnings(statistics);
   return statistics;
 }
@@ -346,7 +352,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     return result;
   };
   for (;;) {
-    const Statistics s = run(pilot, "pilot", chunk, body);
+    const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
     seconds += s.seconds;
     const double wanted = wanted_samples(plan.goal, s, seconds);
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
@@ -366,9 +372,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
 
 Statistics merge(const Statistics& a, const Statistics& b) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("merge: " + what); };
-  if (a.estimator != b.estimator) {
-    refuse("the results are of different estimators (" + a.estimator + " and " + b.estimator + ")");
-  }
+  a.state.identity.demand_same(b.state.identity, "merge");
   if (a.seed != b.seed) {
     refuse("the results have seeds " + std::to_string(a.seed) + " and " + std::to_string(b.seed) +
            " (one run has one seed); average their means weighted by samples instead");
@@ -380,7 +384,7 @@ Statistics merge(const Statistics& a, const Statistics& b) {
            std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) + ") do not meet at a multiple of " +
            std::to_string(state.chunk()) + "; choose `first` and `samples` so");
   }
-  Statistics statistics = finish(a.estimator, a.seed, std::move(state));
+  Statistics statistics = finish(a.seed, std::move(state));
   statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;
   for (LevelRow& row : statistics.levels) {
     for (const Statistics* part : {&a, &b}) {

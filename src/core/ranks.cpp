@@ -69,7 +69,9 @@ RunState Work::finished() const {
 
 RunState Work::take_finished() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(state, RunState(state.chunk()));
+  RunState empty(state.chunk());
+  empty.identity = state.identity;
+  return std::exchange(state, std::move(empty));
 }
 
 void Work::merge(const RunState& sums) {

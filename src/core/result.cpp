@@ -14,6 +14,21 @@ RunState::RunState(std::int64_t chunk) : chunk_(chunk) {
   throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two)");
 }
 
+void Identity::demand_same(const Identity& other, const std::string& who) const {
+  if (!known() || !other.known()) return;
+  const auto refuse = [&who](const std::string& what) {
+    throw std::invalid_argument(who + ": two different estimators " + what);
+  };
+  if (estimator != other.estimator) refuse("(" + estimator + ", and " + other.estimator + ")");
+  if (name != other.name) {
+    const auto quoted = [](const std::string& text) { return text.empty() ? "no name" : "'" + text + "'"; };
+    refuse("(they have the names " + quoted(name) + " and " + quoted(other.name) + ")");
+  }
+  if (type != nullptr && other.type != nullptr && *type != *other.type) {
+    refuse("(both call themselves '" + estimator + "', but they are of two types: other functions, or other data)");
+  }
+}
+
 void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
   const bool complete = first % chunk_ == 0 && last - first == chunk_;
   insert(first, Node{last, complete ? 1 : 0, sums});
@@ -53,7 +68,10 @@ void RunState::merge(const RunState& other) {
     throw std::invalid_argument("merge: chunks of " + std::to_string(chunk_) + " and of " +
                                 std::to_string(other.chunk_) + " samples (not one estimator)");
   }
+  identity.demand_same(other.identity, "merge");
   for (const auto& [first, node] : other.nodes_) insert(first, node);
+  if (!identity.known()) identity = other.identity;
+  if (identity.type == nullptr) identity.type = other.identity.type;
   extremes.merge(other.extremes);
   seconds += other.seconds;
 }
@@ -193,6 +211,7 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   }
   if (s.bias_bound.size > 0)
     line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
+  if (!s.name.empty()) line("name", s.name);
   line("estimator", s.estimator);
   if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +

@@ -34,6 +34,7 @@ struct Gathered {
   void rehearse(const std::function<void()>& draws) const { lookups->rehearse(draws); }
   [[nodiscard]] std::string describe() const { return description(estimator); }
   [[nodiscard]] std::int64_t chunk() const { return debias::detail::chunk_of(estimator); }
+  [[nodiscard]] std::string name() const requires HasName<E> { return estimator.name(); }
   [[nodiscard]] double probability(std::int64_t level) const requires KnowsProbabilities<E> {
     return estimator.probability(level);
   }

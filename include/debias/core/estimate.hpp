@@ -17,6 +17,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
@@ -31,7 +32,7 @@ namespace debias {
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
-Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body);
+Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body);
 /// The plan with the samples that its goal asks for; adds the time that finding out took.
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, double& seconds);
 void check_goal(const Goal& goal);
@@ -44,6 +45,14 @@ std::int64_t chunk_of(const E& estimator) {
   } else {
     return default_chunk;
   }
+}
+
+/// Whose results a run of the estimator gives.
+template <Estimator E>
+Identity identity_of(const E& estimator) {
+  Identity identity{.estimator = description(estimator), .type = &typeid(E)};
+  if constexpr (HasName<E>) identity.name = estimator.name();
+  return identity;
 }
 
 Statistics merge(const Statistics& a, const Statistics& b);
@@ -106,7 +115,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, pilot_seconds);
     pilot = false;
   }
-  Statistics statistics = detail::run(fixed, description(estimator), detail::chunk_of(estimator), body);
+  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
   statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
@@ -128,13 +137,11 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 /// The result with more samples: all that it has count, those up to plan.samples or as many as the goal asks for are
 /// drawn, with the bits of one run of that size. The goal's pilot has streams of its own, so the samples that came
 /// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the result.
-/// Throws std::invalid_argument for another estimator, or for fewer samples than the result has.
+/// Throws std::invalid_argument for another estimator (another type, description or name), or for fewer samples than the
+/// result has. An estimator of the same type over other data looks the same: `named` tells them apart.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  if (result.estimator != description(estimator)) {
-    throw std::invalid_argument("extend: the result is of another estimator (" + result.estimator + ", not " +
-                                description(estimator) + ")");
-  }
+  result.state.identity.demand_same(detail::identity_of(estimator), "extend");
   plan.seed = result.seed;
   plan.first = result.first;
   if (plan.goal.asked()) plan.samples = result.samples;  // at least
@@ -144,7 +151,8 @@ Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_val
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
 /// the bits of a single run where the ranges meet at a multiple of the chunk.
-/// Throws std::invalid_argument for another estimator, law or seed, an overlap, a gap, or a cut chunk.
+/// Throws std::invalid_argument for another estimator (another type, description or name), law or seed, an overlap, a gap, or
+/// a cut chunk. Estimators of one type over different data look the same: `named` tells them apart.
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {
   if constexpr (RealValue<V> || ComplexValue<V>) {

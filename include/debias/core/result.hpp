@@ -15,6 +15,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
@@ -56,7 +57,8 @@ struct Plan {
   /// Called on the calling thread about once a second, where the run ends and where it is interrupted, with the sums of
   /// the finished chunks and the plan that they belong to: what a later run with `earlier` goes on from.
   std::function<void(const RunState& finished, const Plan& plan)> save = {};
-  /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan.
+  /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan, or of
+  /// another estimator.
   std::shared_ptr<const RunState> earlier = {};
   detail::Ranks* ranks = nullptr;  ///< processes that share the samples, see mpi.hpp
 };
@@ -106,6 +108,18 @@ struct ComponentEstimate {
   double standard_error = 0;
 };
 
+/// Whose sums they are. Within a process an estimator is known by its type, everywhere by what it calls itself and by the
+/// name that `named` gave it. Equal types over different data cannot be told apart: give them names.
+struct Identity {
+  std::string estimator = {};            ///< its description; empty where nothing is known
+  std::string name = {};                 ///< empty where it was given none
+  const std::type_info* type = nullptr;  ///< never in a file, nor sent to another rank
+
+  [[nodiscard]] bool known() const { return !estimator.empty(); }
+  /// Throws std::invalid_argument, with `who` in front, where `other` is known to be another estimator.
+  void demand_same(const Identity& other, const std::string& who) const;
+};
+
 /// The sums of a run as the open nodes of a binary tree over its chunks of samples (absolute index): what two
 /// results need in order to merge into the bits that one run would have given.
 class RunState {
@@ -118,7 +132,7 @@ class RunState {
   [[nodiscard]] std::int64_t chunk() const { return chunk_; }
   /// Adds the sums over samples [first, last) of one chunk, or of a part of it.
   void add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums);
-  /// Adds another state. Throws std::invalid_argument where both hold the same samples.
+  /// Adds another state. Throws std::invalid_argument where both hold the same samples, or are of two estimators.
   void merge(const RunState& other);
 
   [[nodiscard]] std::int64_t first() const;
@@ -133,6 +147,7 @@ class RunState {
   /// extremes keep its samples.
   std::int64_t reopen(std::int64_t end);
 
+  Identity identity;
   Extremes extremes;
   double seconds = 0;  ///< of the runs that these sums are from
 
@@ -152,6 +167,7 @@ class RunState {
 /// Everything about a run that does not depend on the type of its values.
 struct Statistics {
   std::string estimator;
+  std::string name;  ///< that `named` gave the estimator; empty where it has none
   std::uint64_t seed = 0;
   std::int64_t first = 0;
   std::int64_t samples = 0;

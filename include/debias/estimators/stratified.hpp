@@ -107,6 +107,7 @@ class Stratified {
   [[nodiscard]] double probability(std::int64_t level) const { return estimator_.probability(level); }
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
+  [[nodiscard]] const std::string& name() const requires HasName<E> { return estimator_.name(); }
   /// Samples of a chunk: about 1024 members.
   [[nodiscard]] std::int64_t chunk() const {
     const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
