@@ -134,7 +134,7 @@ struct detail::Codec {
         std::int64_t values = 0;  // of levels, each of them counted there, and of bases
         for (const CouplingRow& row : rows) {
           demand(row.value.count <= (std::int64_t{1} << 62) - values && row.coarse.count <= row.value.count &&
-                 row.difference.count == row.coarse.count);
+                 (row.difference.count == row.coarse.count || row.difference.count == 0));
           values += row.value.count;
         }
       }

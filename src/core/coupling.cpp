@@ -43,21 +43,26 @@ void CouplingTable::merge(const CouplingTable& other) {
   }
 }
 
-CouplingSide CouplingSums::Sums::moments() const {
+CouplingSums::CouplingSums() : rows_(CouplingTable::views * static_cast<std::size_t>(CouplingTable::levels)) {}
+
+template <std::size_t n>
+CouplingSide CouplingSums::Sums<n>::moments(std::size_t i) const {
   if (count == 0) return {};
-  const double shift = sum / static_cast<double>(count);
-  const double m2 = squares - sum * shift;
-  return {count, pivot + shift, m2 < 0 ? 0 : m2, std::sqrt(largest) + std::abs(shift)};
+  const double shift = sum[i] / static_cast<double>(count);
+  const double m2 = squares[i] - sum[i] * shift;
+  return {count, pivot[i] + shift, m2 < 0 ? 0 : m2, std::sqrt(largest[i]) + std::abs(shift)};
 }
 
 void CouplingSums::finish(CouplingTable& table) {
   for (std::size_t v = 0; v < CouplingTable::views; ++v) {
-    table.rows_[v].resize(rows_[v].size());
-    for (std::size_t k = 0; k < rows_[v].size(); ++k) {
-      const Row& row = rows_[v][k];
-      table.rows_[v][k] = {row.value.moments(), row.coarse.moments(), row.difference.moments()};
+    table.rows_[v].resize(used_[v]);
+    for (std::size_t k = 0; k < used_[v]; ++k) {
+      Row& row = rows_[v * static_cast<std::size_t>(CouplingTable::levels) + k];
+      table.rows_[v][k] = {row.base.moments(0), row.pair.moments(1), row.difference.moments(0)};
+      table.rows_[v][k].value.merge(row.pair.moments(0));
+      row = {};
     }
-    rows_[v].clear();
+    used_[v] = 0;
   }
 }
 
@@ -93,9 +98,18 @@ struct Comparison {
   Gap gap;
 };
 
+// The difference of a level that is a number.
+CouplingSide side_of(const LevelSums& s) {
+  const auto n = static_cast<double>(s.count);
+  const double mean = s.difference / n;
+  const double m2 = s.square - n * mean * mean;
+  return {s.count, mean, m2 < 0 ? 0 : m2, std::sqrt(std::sqrt(s.fourth)) + std::abs(mean)};
+}
+
 bool enough(const CouplingSide& s) { return s.count >= fewest_draws && std::isfinite(s.m2) && std::isfinite(s.mean); }
 
-void compare(std::span<const CouplingRow> rows, double rounding, std::vector<Comparison>& all) {
+void compare(std::span<const CouplingRow> rows, const LevelTable& levels, double rounding,
+             std::vector<Comparison>& all) {
   const auto keep = [&](std::size_t level, Gap gap) {
     if (!(gap.size > least_size)) return;
     const double floor = rounding * gap.size;
@@ -124,8 +138,10 @@ void compare(std::span<const CouplingRow> rows, double rounding, std::vector<Com
         keep(k, gap);
       }
     }
-    whole = whole && enough(rows[k].difference);
-    if (whole) chain.add(rows[k].difference, -1, 0);
+    CouplingSide difference = rows[k].difference;
+    if (difference.count == 0 && k < levels.rows().size()) difference = side_of(levels.rows()[k]);
+    whole = whole && enough(difference);
+    if (whole) chain.add(difference, -1, 0);
   }
 }
 
@@ -163,7 +179,7 @@ Coupling detail::judge_coupling(const CouplingTable& table, const LevelTable& le
     const std::span<const CouplingRow> rows = table.rows(v);
     const auto coupled = [](const CouplingRow& row) { return row.coarse.count > 0; };
     if (std::any_of(rows.begin(), rows.end(), coupled)) c.state = Coupling::State::too_few;
-    compare(rows, std::max(negligible, 16 * epsilon), all);
+    compare(rows, levels, std::max(negligible, 16 * epsilon), all);
   }
   c.all_equal = all_equal(table.rows(0), levels);
   if (all.empty()) return c;

@@ -230,7 +230,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     for (;;) {
       const auto [first, last] = work.take();
       if (first >= last) break;
-      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0);
+      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
       try {
         body(first, last, recorder);
         work.add({first, last}, recorder.end_chunk(), recorder.extremes());

@@ -374,7 +374,8 @@ TEST_CASE("the sums of the coupling are the same bits however a run is cut, spre
   const Accumulator sums = whole.state.total();
   const CouplingRow& one = sums.coupling.rows(0)[1];
   CHECK(one.coarse.count == sums.levels.rows()[1].count);
-  CHECK(one.difference.mean == Approx(sums.levels.rows()[1].difference / static_cast<double>(one.coarse.count)));
+  CHECK(one.difference.count == 0);  // a number, which the level table has
+  CHECK(one.value.count == one.coarse.count);
   CHECK(sums.coupling.rows(0)[0].value.mean == Approx(sums.levels.base().difference / 10'000));
   CHECK(one.value.m2 / static_cast<double>(one.value.count) == Approx(5.25).epsilon(0.2));
 }

@@ -272,8 +272,10 @@ struct Accumulator {
 /// The sample loop's end of the statistics, one for each thread: the Record of the estimator, and the samples.
 class Recorder {
  public:
-  /// Samples before `known` are in the extremes already.
-  void begin_chunk(std::int64_t first_index, std::int64_t known = 0) {
+  /// Samples before `known` are in the extremes already. What `checks` the coupling costs a tenth of the cheapest draws, so
+  /// that not all chunks of a long run do.
+  void begin_chunk(std::int64_t first_index, std::int64_t known = 0, bool checks = true) {
+    checks_ = checks;
     sums_.clear();
     block_first_ = first_index;
     known_ = known;
@@ -290,8 +292,15 @@ class Recorder {
     sums_.levels.add(level, d, work);
   }
   /// I_level and D_level as a view sees them, where a draw has both; the value of a base, where it has only that.
-  void pair(std::size_t view, std::int64_t level, double value, double d) { coupling_.pair(view, level, value, d); }
-  void value(std::size_t view, std::int64_t level, double x) { coupling_.value(view, level, x); }
+  void pair(std::size_t view, std::int64_t level, double value, double d) {
+    if (checks_) coupling_.pair(view, level, value, d);
+  }
+  void pair(std::int64_t level, double value, double d) {
+    if (checks_) coupling_.pair(level, value, d);
+  }
+  void value(std::size_t view, std::int64_t level, double x) {
+    if (checks_) coupling_.base(view, level, x);
+  }
 
   template <Value V>
   void add(const Sample<V>& sample) {
@@ -320,6 +329,7 @@ class Recorder {
 
   Accumulator sums_;
   CouplingSums coupling_;
+  bool checks_ = true;
   Extremes extremes_;
   std::int64_t block_first_ = 0;
   std::int64_t known_ = 0;

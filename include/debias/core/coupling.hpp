@@ -46,15 +46,17 @@ struct CouplingSide {
 struct CouplingRow {
   CouplingSide value;       ///< I_k, of levels and of bases
   CouplingSide coarse;      ///< I_k - D_k
-  CouplingSide difference;  ///< D_k
+  CouplingSide difference;  ///< D_k, of values with several components
 };
 
-/// The rows of levels 0 ... 63, for each view of a value: itself, where it is a number; its first component, the sum of
+/// Of some chunks of a run, the rows of levels 0 ... 63, for each view of a value: itself, where it is a number; its first component, the sum of
 /// all, and their sum with fixed signs, where it has some.
 class CouplingTable {
  public:
   static constexpr std::size_t views = 3;
   static constexpr std::int64_t levels = 64;
+  /// Whether a chunk of a run, by its absolute number, is looked at: all of the first 32, then each eighth.
+  static constexpr bool looks_at(std::int64_t chunk) { return chunk < 32 || chunk % 8 == 0; }
 
   void merge(const CouplingTable& other);
   void clear() {  // keeps the memory
@@ -71,51 +73,61 @@ class CouplingTable {
 /// The sums of a chunk, about the first number of each row: no digits cancel, and nothing divides per draw.
 class CouplingSums {
  public:
-  void value(std::size_t view, std::int64_t level, double x) {
+  CouplingSums();
+
+  void base(std::size_t view, std::int64_t level, double x) {
     if (level >= CouplingTable::levels) return;
-    row(view, level).value.add(x);
+    row(view, level).base.add({x});
+  }
+  /// The difference is left to the LevelTable, where it is a number.
+  void pair(std::int64_t level, double x, double difference) {
+    if (level >= CouplingTable::levels) return;
+    row(0, level).pair.add({x, x - difference});
   }
   void pair(std::size_t view, std::int64_t level, double x, double difference) {
     if (level >= CouplingTable::levels) return;
     Row& r = row(view, level);
-    r.value.add(x);
-    r.coarse.add(x - difference);
-    r.difference.add(difference);
+    r.pair.add({x, x - difference});
+    r.difference.add({difference});
   }
   /// Writes the moments to `table`, and forgets the sums.
   void finish(CouplingTable& table);
 
  private:
+  // Some numbers that come together.
+  template <std::size_t n>
   struct Sums {
     std::int64_t count = 0;
-    double pivot = 0;
-    double sum = 0;
-    double squares = 0;
-    double largest = 0;
+    std::array<double, n> pivot{};
+    std::array<double, n> sum{};
+    std::array<double, n> squares{};
+    std::array<double, n> largest{};
 
-    void add(double x) {
+    void add(const std::array<double, n>& x) {
       if (count++ == 0) pivot = x;
-      const double d = x - pivot;
-      const double square = d * d;
-      sum += d;
-      squares += square;
-      largest = square > largest ? square : largest;  // a NaN stays in the sums
+      for (std::size_t i = 0; i < n; ++i) {
+        const double d = x[i] - pivot[i];
+        const double square = d * d;
+        sum[i] += d;
+        squares[i] += square;
+        largest[i] = square > largest[i] ? square : largest[i];  // a NaN stays in the sums
+      }
     }
-    [[nodiscard]] CouplingSide moments() const;
+    [[nodiscard]] CouplingSide moments(std::size_t i) const;
   };
   struct Row {
-    Sums value;
-    Sums coarse;
-    Sums difference;
+    Sums<1> base;
+    Sums<2> pair;  // of I_k and of its coarse partner
+    Sums<1> difference;
   };
   Row& row(std::size_t view, std::int64_t level) {
-    std::vector<Row>& rows = rows_[view];
-    if (static_cast<std::size_t>(level) >= rows.size()) [[unlikely]]
-      rows.resize(static_cast<std::size_t>(level) + 1);
-    return rows[static_cast<std::size_t>(level)];
+    const auto k = static_cast<std::size_t>(level);
+    used_[view] = k < used_[view] ? used_[view] : k + 1;
+    return rows_[view * static_cast<std::size_t>(CouplingTable::levels) + k];
   }
 
-  std::array<std::vector<Row>, CouplingTable::views> rows_;
+  std::array<std::size_t, CouplingTable::views> used_{};  // rows of each view
+  std::vector<Row> rows_;
 };
 
 /// What a run says of the coupling of its levels.
@@ -191,6 +203,7 @@ std::size_t see(const V& v, std::array<double, CouplingTable::views>& seen) {
 template <class R>
 concept RecordsValues = requires(R& r, std::size_t view, std::int64_t level, double x) {
   r.value(view, level, x);
+  r.pair(level, x, x);
   r.pair(view, level, x, x);
 };
 
@@ -204,7 +217,9 @@ void record_value(R& record, std::int64_t level, const V& value) {
 }
 template <Value V, class R>
 void record_pair(R& record, std::int64_t level, const V& value, const V& difference) {
-  if constexpr (RecordsValues<R>) {
+  if constexpr (RecordsValues<R> && RealValue<V>) {
+    record.pair(level, static_cast<double>(value), static_cast<double>(difference));
+  } else if constexpr (RecordsValues<R>) {
     std::array<double, CouplingTable::views> seen;
     std::array<double, CouplingTable::views> differences;
     const std::size_t n = see(value, seen);
