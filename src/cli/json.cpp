@@ -135,11 +135,12 @@ Json evidence_json(const RunVerdict& v) {
 
 Json coupling_json(const Coupling& c) {
   const bool compared = c.state == Coupling::State::right || c.state == Coupling::State::wrong;
-  const auto figure = [compared](auto x) { return compared ? Json(x) : Json(nullptr); };
+  const auto level = [compared](std::int64_t k) { return compared ? Json(k) : Json(nullptr); };
+  const auto figure = [compared](double x) { return compared ? number(x) : Json(nullptr); };
   return {{"state", name_of(c.state)},
-          {"first_level", figure(c.first_level)},
-          {"last_level", figure(c.last_level)},
-          {"level", figure(c.level)},
+          {"first_level", level(c.first_level)},
+          {"last_level", level(c.last_level)},
+          {"level", level(c.level)},
           {"z", figure(c.z)},
           {"threshold", figure(c.threshold)}};
 }

@@ -111,7 +111,7 @@ bool enough(const CouplingSide& s) { return s.count >= fewest_draws && std::isfi
 void compare(std::span<const CouplingRow> rows, const LevelTable& levels, double rounding,
              std::vector<Comparison>& all) {
   const auto keep = [&](std::size_t level, Gap gap) {
-    if (!(gap.size > least_size)) return;
+    if (!(gap.size > least_size) || !std::isfinite(gap.gap) || !std::isfinite(gap.square_error)) return;
     const double floor = rounding * gap.size;
     gap.square_error += floor * floor;
     if (!(gap.pull <= largest_pull * std::sqrt(gap.square_error))) return;
