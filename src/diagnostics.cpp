@@ -8,6 +8,8 @@
 
 #include <boost/math/distributions/students_t.hpp>
 
+#include "core/text.hpp"
+
 namespace debias {
 namespace {
 
@@ -57,10 +59,7 @@ constexpr const char* beyond_rates =
 
 std::string exponent_text(double x) {
   if (std::isinf(x)) return "faster than any";
-  std::ostringstream text;
-  text.precision(3);
-  text << x;
-  return text.str();
+  return formatted("%.3g", x);
 }
 
 std::string with_error_of(const FittedRate& rate) {
@@ -125,6 +124,11 @@ void BlockMeans::close() {
   length_ *= 2;
 }
 
+void BlockMeans::scale(int exponent) {
+  for (double& m : means_) m = std::ldexp(m, exponent);
+  sum_ = std::ldexp(sum_, exponent);
+}
+
 BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   if (!(delta > 0 && delta < 1)) {
     throw std::invalid_argument("median_of_means: delta = " + std::to_string(delta) +
@@ -186,15 +190,16 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
     text << "variance undecided by rates (" << beyond_rates << "), ";
   }
   text << (v.finite_work ? "work finite" : "work INFINITE") << " (" << exponent << (v.finite_work ? " > " : " <= ")
-       << range.low << ")";
-  if (v.decided) text << ", tail index " << v.tail_index;
+       << formatted("%.3g", range.low) << ")";
+  if (v.decided) text << ", tail index " << formatted("%.3g", v.tail_index);
   if (!v.finite_variance || !v.finite_work) {
     text << (v.finite_variance ? ": no run ends its expected work"
                                : ": the standard error is too small most of the time");
     if (std::isinf(range.high)) {
-      text << "; take a law with an exponent above " << range.low;
+      text << "; take a law with an exponent above " << formatted("%.3g", range.low);
     } else if (range.low < range.high) {
-      text << "; take a law with exponent between " << range.low << " and " << range.high;
+      text << "; take a law with exponent between " << formatted("%.3g", range.low) << " and "
+           << formatted("%.3g", range.high);
     } else {
       text << "; no law has both finite";
     }

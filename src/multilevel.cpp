@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <ostream>
 #include <stdexcept>
 #include <string>
 
 #include "core/regression.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -227,26 +227,24 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
 }
 
 std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
-  char line[160];
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  std::snprintf(line, sizeof line, "bias          %.2g left out, if the differences go on falling like 2^(-%.2f l)\n",
-                s.bias, s.alpha);
-  out << line;
-  std::snprintf(line, sizeof line, "goal          root mean square error %g: %s, %.3g\n", s.goal,
-                s.converged ? "met" : "NOT met", s.error());
-  out << line;
-  out << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n';
-  std::snprintf(line, sizeof line, "work          %.4g\nseconds       %.3g\n", s.work, s.seconds);
-  out << line;
-  std::snprintf(line, sizeof line, "%5s %10s %12s %12s %10s\n", "level", "draws", "E D", "Var D", "work");
-  out << line;
+  out << "bias          " << formatted("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
+      << formatted("%.2f", s.alpha) << " l)\n"
+      << "goal          root mean square error " << formatted("%g", s.goal) << ": " << (s.converged ? "met" : "NOT met")
+      << ", " << formatted("%.3g", s.error()) << '\n'
+      << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n'
+      << "work          " << formatted("%.4g", s.work) << "\nseconds       " << formatted("%.3g", s.seconds) << '\n';
+  const auto cell = [](std::size_t width, const std::string& text) {
+    return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
+  };
+  const auto number = [](double x) { return std::isfinite(x) ? formatted("%.4g", x) : std::string("-"); };
+  out << cell(5, "level") << cell(11, "draws") << cell(13, "E D") << cell(13, "Var D") << cell(11, "work") << '\n';
   for (const MultilevelRow& r : s.rows) {
-    std::snprintf(line, sizeof line, "%5lld %10lld %12.4g %12.4g %10.4g\n", static_cast<long long>(r.level),
-                  static_cast<long long>(r.draws), r.difference, r.variance, r.work);
-    out << line;
+    out << cell(5, std::to_string(r.level)) << cell(11, std::to_string(r.draws)) << cell(13, number(r.difference))
+        << cell(13, number(r.variance)) << cell(11, number(r.work)) << '\n';
   }
   return out;
 }

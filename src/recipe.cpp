@@ -4,13 +4,13 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <ostream>
 #include <stdexcept>
 
 #include "core/ranks.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -32,11 +32,7 @@ constexpr double narrow = 0.05;           // of the work's exponent, for the law
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
 
-std::string text(const char* pattern, double x) {
-  char out[64];
-  std::snprintf(out, sizeof out, pattern, x);
-  return out;
-}
+std::string text(std::string_view pattern, double x) { return formatted(pattern, x); }
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};

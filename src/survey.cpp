@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <ostream>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <tuple>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -156,10 +159,12 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string number(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
+std::string number(std::string_view pattern, double x) { return formatted(pattern, x); }
+
+/// Right-aligned; "-" for what is no number.
+std::string cell(std::size_t width, std::string_view pattern, double x) {
+  const std::string text = std::isfinite(x) ? number(pattern, x) : "-";
+  return std::string(width > text.size() ? width - text.size() : 0, ' ') + text + ' ';
 }
 
 std::string rate_text(const FittedRate& r) {
@@ -171,16 +176,14 @@ std::string rate_text(const FittedRate& r) {
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  char line[256];
-  std::snprintf(line, sizeof line, "%5s %9s %11s %9s %11s %9s %9s %8s %6s %9s %9s  %s\n", "level", "draws", "E I",
-                "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
-  out << line;
+  out << "level     draws         E I     Var I         E D        +-     E D^2 kurtosis      z      work        us  "
+         "\n";
   for (const SurveyRow& r : survey.rows) {
-    std::snprintf(line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
-                  static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
-                  r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
-                  r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
-    out << line;
+    out << cell(5, "%.0f", static_cast<double>(r.level)) << cell(9, "%.0f", static_cast<double>(r.draws))
+        << cell(11, "%.5g", r.mean) << cell(9, "%.3g", r.variance) << cell(11, "%.4g", r.difference)
+        << cell(9, "%.2g", r.difference_error) << cell(9, "%.3g", r.second_moment) << cell(8, "%.3g", r.kurtosis)
+        << cell(6, "%.2f", r.consistency) << cell(9, "%.4g", r.difference_work) << cell(9, "%.3g", 1e6 * r.seconds)
+        << ' ' << (r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))) << '\n';
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";

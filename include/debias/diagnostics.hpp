@@ -70,6 +70,8 @@ class BlockMeans {
     sum_ += x;
     if (++filled_ == length_) close();
   }
+  /// As if every value had been multiplied by 2^exponent.
+  void scale(int exponent);
   /// Values in a block, a power of two.
   [[nodiscard]] std::int64_t length() const { return length_; }
   /// 512 to 1023 of them, or as many as there are values.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -178,7 +177,7 @@ std::string doubts_of(const Statistics& s) {
   const auto add = [&all](const std::string& doubt) { all += (all.empty() ? "" : "; ") + doubt; };
   if (s.bias_bound.size > 0) {
     std::ostringstream text;
-    text << "bias at most " << std::setprecision(2) << s.bias_bound.size;
+    text << "bias at most " << formatted("%.2g", s.bias_bound.size);
     add(text.str());
   }
   for (const std::string& warning : s.warnings) add(first_clause(warning));

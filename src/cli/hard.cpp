@@ -15,7 +15,7 @@ namespace {
 
 const Row header = {"case", "hard by", "truth", "error", "std error", "lost", "status", "the result says"};
 
-std::string figure(double x) { return std::isnan(x) ? "nan" : rounded(x, 2); }
+std::string figure(double x) { return std::isnan(x) ? "unknown" : rounded(x, 2); }
 
 Row row_of(const catalog::HardCell& cell) {
   Row row = {cell.group, cell.parameter, rounded(cell.truth, 3)};

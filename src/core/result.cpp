@@ -1,11 +1,14 @@
 #include <debias/core/result.hpp>
 
 #include <bit>
+#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <ostream>
+#include <string_view>
 
 #include <boost/math/distributions/students_t.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 
@@ -164,36 +167,32 @@ double Statistics::efficiency() const {
 
 namespace {
 
-std::string format(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
-}
+std::string format(std::string_view pattern, double x) { return formatted(pattern, x); }
 
 }  // namespace
 
 std::string with_error(double mean, double standard_error) {
-  if (!std::isfinite(mean) || !std::isfinite(standard_error)) {
-    return format("%.6g", mean) + " +- " + format("%.2g", standard_error);
-  }
+  if (!std::isfinite(mean)) return "not a number";
+  if (!std::isfinite(standard_error)) return format("%.6g", mean) + " (no standard error)";
   if (standard_error <= 0) return format("%.15g", mean) + "(0)";
   // Rounded before anything is decided: 0.0996 has the two digits 1.0e-01. The second one stands for 10^last.
   const std::string error = format("%.1e", standard_error);
-  const int last = std::stoi(error.substr(error.find('e') + 1)) - 1;
+  int last = 0;
+  const char* exponent = error.data() + error.find('e') + 1;
+  std::from_chars(exponent + (*exponent == '+' ? 1 : 0), error.data() + error.size(), last);
+  --last;
   if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
     return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
   }
-  const double rounded = std::stod(error);
-  char text[64];
+  double rounded = 0;
+  std::from_chars(error.data(), error.data() + error.size(), rounded);
   if (last >= 0) {
     const double unit = std::pow(10.0, last);
-    std::snprintf(text, sizeof text, "%.0f(%.0f)", std::round(mean / unit) * unit, rounded);
-  } else if (last == -1) {  // the error straddles the decimal point and shows it
-    std::snprintf(text, sizeof text, "%.1f(%.1f)", mean, rounded);
-  } else {
-    std::snprintf(text, sizeof text, "%.*f(%c%c)", -last, mean, error[0], error[2]);
+    return format("%.0f", std::round(mean / unit) * unit) + "(" + format("%.0f", rounded) + ")";
   }
-  return text;
+  // the error straddles the decimal point and shows it
+  if (last == -1) return format("%.1f", mean) + "(" + format("%.1f", rounded) + ")";
+  return format("%." + std::to_string(-last) + "f", mean) + "(" + error[0] + error[2] + ")";
 }
 
 std::ostream& operator<<(std::ostream& out, const Statistics& s) {
@@ -206,8 +205,11 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     const ComponentEstimate& c = s.components[i];
     const Interval interval = s.interval(0.95, i);
-    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
-                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt);
+    const std::string ends =
+        std::isfinite(c.mean) && std::isfinite(c.standard_error)
+            ? "   95 % interval [" + format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt
+            : "";
+    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + ends);
   }
   if (s.bias_bound.size > 0)
     line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
@@ -225,8 +227,8 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     if (g.error > 0)
       line("goal", "standard error " + format("%g", g.error) + outcome + format("%.3g", s.total_error()));
     if (g.relative_error > 0) {
-      line("goal",
-           "relative error " + format("%g", g.relative_error) + outcome + format("%.3g", s.total_error() / s.size()));
+      const std::string reached = s.size() > 0 ? format("%.3g", s.total_error() / s.size()) : "of a mean that is 0";
+      line("goal", "relative error " + format("%g", g.relative_error) + outcome + reached);
     }
     if (g.seconds > 0) {
       line("goal", format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));

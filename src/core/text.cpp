@@ -142,7 +142,33 @@ std::uint64_t parse_count(std::string_view text, std::string_view what, std::uin
       (meant.empty() ? "write a whole number such as 1000, 1e6 or 1_000_000" : "did you mean '" + meant + "'?"));
 }
 
+namespace {
+
+/// NaN and infinity in words; nothing for any other number.
+std::string_view in_words(double x) {
+  if (std::isnan(x)) return "unknown";
+  if (std::isinf(x)) return x > 0 ? "infinity" : "minus infinity";
+  return "";
+}
+
+}  // namespace
+
+std::string formatted(std::string_view pattern, double x) {
+  if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
+  int precision = 6;
+  const std::size_t point = pattern.find('.');
+  if (point != pattern.npos) std::from_chars(pattern.data() + point + 1, pattern.data() + pattern.size(), precision);
+  const char style = pattern.back();
+  const auto format = style == 'e'   ? std::chars_format::scientific
+                      : style == 'f' ? std::chars_format::fixed
+                                     : std::chars_format::general;
+  std::array<char, 512> digits{};  // %f of the largest double has 310 before the point
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x, format, precision).ptr;
+  return {digits.data(), end};
+}
+
 std::string to_text(double x) {
+  if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
   std::array<char, 32> digits{};  // the longest double, -2.2250738585072014e-308, has 24
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x).ptr;
   return {digits.data(), end};

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <span>
+#include <string_view>
 
 #include <debias/core/result.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -38,11 +40,7 @@ constexpr double draws_per_kurtosis_of_base = 10;
 // values.
 constexpr double irrelevant_share = -0.6;
 
-std::string format(const char* pattern, double x) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), pattern, x);
-  return text.data();
-}
+std::string format(std::string_view pattern, double x) { return formatted(pattern, x); }
 
 Finiteness below(double value, double error, double border) {
   if (value + confidence * error < border) return Finiteness::finite;
