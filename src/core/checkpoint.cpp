@@ -21,7 +21,7 @@ namespace debias {
 namespace {
 
 constexpr std::string_view magic = "DEBIASCP";
-constexpr std::uint32_t format_version = 2;
+constexpr std::uint32_t format_version = 3;
 constexpr std::uint32_t byte_order = 0x01020304;
 constexpr std::uint32_t record_mark = 0x44434552;  // "RECD"
 
@@ -131,6 +131,8 @@ struct detail::Codec {
     [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
     io.number(s.seconds);
+    io.number(s.pilot.work);
+    io.number(s.pilot.seconds);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
     std::uint64_t n = s.nodes_.size();
     io.number(n);
