@@ -4,6 +4,8 @@
 #include <array>
 #include <charconv>
 #include <chrono>
+#include <cstdio>
+#include <functional>
 #include <limits>
 #include <map>
 #include <ostream>
@@ -30,6 +32,8 @@ constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a law holds
 constexpr double narrow = 0.05;           // of the work's exponent, for the law with finite work where none has both
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
+constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
+constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
 
 std::string text(std::string_view pattern, double x) { return formatted(pattern, x); }
@@ -53,14 +57,20 @@ namespace {
 // Chooses among candidates, from one survey.
 class Choice {
  public:
-  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, Advice& advice)
-      : runs_(runs), plan_(plan), options_(options), advice_(advice), survey_(advice.survey) {
+  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal, Advice& advice)
+      : runs_(runs),
+        plan_(plan),
+        options_(options),
+        advice_(advice),
+        survey_(advice.survey),
+        allowed_beyond_(detail::allowed_beyond(static_cast<double>(advice.members) * (has_goal ? spare_members : 1))) {
     model_ = model_of(survey_);
   }
 
   void choose() {
     double best = infinity;
     bool found = false;
+    bool found_drawable = false;
     const std::int64_t lowest = options_.base_level.value_or(options_.lowest_base);
     const std::int64_t highest = options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
     const double unit = row(lowest).value_work;
@@ -72,11 +82,16 @@ class Choice {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
         const TermMoments moments = moments_of(setup, shared_share);
-        const double product = predict(moments, law_of(setup, moments)).product();
+        const AnyPmf law = law_of(setup, moments);
+        const bool is_drawable = drawable(law, setup);
+        if (found_drawable && !is_drawable) continue;
+        found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
+        const double product = predict(moments, law).product();
         // A variance that was measured in n draws is not better than another one by its noise.
         const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
         if (found && !(product < (worthwhile - noise) * best)) continue;
         found = true;
+        found_drawable = is_drawable;
         best = product;
         chosen_ = setup;
       }
@@ -85,6 +100,21 @@ class Choice {
   }
 
  private:
+  // Variance x work over all levels: behind those of the model, powers of the level go on for long.
+  [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& law) const {
+    VarianceAndWork sums = predict(moments, law);
+    if (survey_.rates.kind == RateKind::polynomial) {
+      const std::size_t last = moments.work.size() - 1;
+      const double p = law.mass(static_cast<std::int64_t>(last));
+      const ExponentRange range = finite_exponents(rates_of(survey_.rates));
+      const double s = law.tail_exponent().exponent;
+      const double levels = static_cast<double>(last) + 1;
+      sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range.high - s);
+      sums.work += moments.work[last] * p * levels / (s - range.low);
+    }
+    return sums.product();
+  }
+
   [[nodiscard]] const SurveyRow& row(std::int64_t level) const {
     return survey_.rows.at(static_cast<std::size_t>(level));
   }
@@ -110,11 +140,42 @@ class Choice {
     return term_moments(runs_, survey_, model_, setup, plan_, share);
   }
 
-  AnyPmf law_of(const Setup& setup, const TermMoments& all) const {
+  // A run of that many members is allowed to take the law, see core/reach.hpp.
+  [[nodiscard]] bool drawable(const AnyPmf& law, const Setup& setup) const {
+    struct Levels {
+      std::int64_t deepest;
+      [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
+    };
+    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, law, setup.base_level, setup.first_level());
+    return reach.beyond <= allowed_beyond_;
+  }
+
+  // The best law, or the one next to it that can be drawn, if one of finite variance can.
+  AnyPmf law_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
     const double exponent = tail_exponent_for(survey_.rates);
-    if (survey_.rates.kind == RateKind::polynomial) return AnyPmf(Zeta(exponent));
+    const auto with = laws_of(setup, all);
+    const AnyPmf best = with(exponent);
+    if (drawable(best, setup)) return best;
+    const double bound = finite_exponents(rates_of(survey_.rates)).high;
+    double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
+    if (!(high > exponent) || !drawable(with(high), setup)) return best;  // the run will be refused
+    for (double low = exponent; high - low > 1e-3;) {
+      const double middle = (low + high) / 2;
+      (drawable(with(middle), setup) ? high : low) = middle;
+    }
+    const AnyPmf law = with(high);
+    if (price != nullptr) *price = with_rest(all, law) / with_rest(all, best);
+    return law;
+  }
+
+  // The law for an exponent of its tail.
+  [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
+    if (survey_.rates.kind == RateKind::polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
     TermMoments t = all;
-    const std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    // The table ends at the deepest level: what lies beyond is the tail's.
+    const std::int64_t drawn = runs_.deepest_level - setup.first_level() + 1;
+    if (drawn > 0) outcomes = std::min(outcomes, static_cast<std::size_t>(drawn));
     for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
     }
@@ -124,10 +185,16 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    const std::vector<double> best = best_masses(t);
+    return [&all, best = best_masses(t), is_drawn = setup.base == Base::drawn](double exponent) {
+      return fair_or_fastest(all, best, exponent, is_drawn);
+    };
+  }
+
+  static AnyPmf fair_or_fastest(const TermMoments& all, const std::vector<double>& best, double exponent,
+                                bool base_is_drawn) {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
-    const std::size_t free = setup.base == Base::drawn ? 2 : 1;
+    const std::size_t free = base_is_drawn ? 2 : 1;
     for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
@@ -147,9 +214,11 @@ class Choice {
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::always && runs_.shared;
-    advice_.law = law_of(chosen_, moments);
+    advice_.price = 1;
+    advice_.law = law_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.law.tail_exponent();
     advice_.predicted = predict(moments, advice_.law);
+    advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     const double rho = advice_.exponent.exponent;
     const double beta = survey_.rates.variance.value;
@@ -165,6 +234,7 @@ class Choice {
   Advice& advice_;
   const Survey& survey_;
   LevelModel model_;
+  double allowed_beyond_;
   Setup chosen_;
 };
 
@@ -263,6 +333,13 @@ void describe(Advice& a) {
       rate_text(r) + ", the tail of the law like " +
       (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho) : "2^(k x " + text("%.2f", -rho) + ")");
   if (std::isfinite(a.highest_moment)) moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+  if (a.price != 1) {
+    a.sentences.push_back((a.deepest_level == deepest_of_all
+                               ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
+                               : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
+                          std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
+                          text("%.3g", a.price) + " times its variance x work");
+  }
   if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
   }
@@ -273,6 +350,15 @@ void describe(Advice& a) {
 LevelRuns remembering(const LevelRuns& runs, double& work) {
   using Key = std::array<std::int64_t, 4>;
   LevelRuns once = runs;
+  once.work = [&, known = std::map<std::int64_t, std::pair<double, double>>()](std::int64_t level,
+                                                                               const Plan& plan) mutable {
+    const auto at = known.find(level);
+    if (at != known.end()) return at->second;
+    const std::pair<double, double> each = runs.work(level, plan);
+    known.emplace(level, each);
+    work += (each.first + each.second) * static_cast<double>(detail::draws_for_work);
+    return each;
+  };
   if (runs.shared) {
     once.shared = [&, known = std::map<Key, SharedMoments>()](std::int64_t level, std::int64_t base_level,
                                                               const Plan& plan) mutable {
@@ -310,18 +396,23 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   pilot.goal = {};
   pilot.save = {};
   pilot.earlier = {};
+  pilot.pilot = {};
+  pilot.whole = 0;
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds_so_far = [&] {
+    return detail::share<double>(
+        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
+  };
   double work = 0;
   const LevelRuns runs = remembering(levels, work);
   const double unit = runs.work(lowest, pilot).first;
   double budget = first_pilot_draws * unit;
-  const auto start = std::chrono::steady_clock::now();
   Advice advice;
   for (int stage = 0;; ++stage) {
     Advice next;
     next.survey = survey_within(runs, budget, pilot);
     work += next.survey.work;
-    next.pilot_seconds = detail::share<double>(
-        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
+    next.pilot_seconds = seconds_so_far();
     if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
       throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
                                   std::to_string(next.survey.rows.size() - 1) +
@@ -332,10 +423,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       next.block = std::max<std::int64_t>(advice.block, 64);
       set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                           : static_cast<double>(plan.samples));
-      Choice(runs, pilot, options, next).choose();
+      Choice(runs, pilot, options, plan.goal.asked(), next).choose();
       if (plan.goal.asked()) {
         set_members(next, wanted_members(next, plan));
-        Choice(runs, pilot, options, next).choose();  // with the block of that many members
+        Choice(runs, pilot, options, plan.goal.asked(), next).choose();  // with the block of that many members
         set_members(next, wanted_members(next, plan));
       }
     }
@@ -355,6 +446,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     if (!(wanted > 1.5 * budget)) break;
     budget = wanted;
   }
+  advice.pilot_seconds = seconds_so_far();  // what was drawn for the choice, too
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
@@ -379,6 +471,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   }
   Plan run = plan;
   run.samples = advice.members / advice.block;
+  run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.
   if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
@@ -387,7 +480,6 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  statistics.pilot_seconds += advice.pilot_seconds;
   if (advice.survey.law_exists == Answer::cannot_tell) {
     statistics.warnings.emplace_back(
         "the pilot cannot tell yet whether any law has finite variance and finite work; its law has finite "

@@ -170,6 +170,10 @@ class FiniteDifference {
 
   /// The deepest level with a difference of its own.
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
+  /// The deepest level that can be drawn: that one where BeyondLast::throws.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return options_.beyond == BeyondLast::throws ? last_level_ : deepest_of_all;
+  }
 
   /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares
   /// of the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;

@@ -192,6 +192,8 @@ class Doubling {
     for (std::size_t b = 0; b < out.size(); ++b) out[b] = {bases[b] * share, sums.odd[b], work(level)};
   }
 
+  [[nodiscard]] static std::int64_t deepest_level() { return 62; }
+
   /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
   /// may be off by, and the least variance of a run: they stay as large while the probabilities of their
   /// levels fall.

@@ -80,6 +80,19 @@ inline std::int64_t whole_photons(double n) {
   throw std::length_error("photon: a level needs " + std::to_string(n) +
                           " photons (beyond int64); choose a law with a lighter tail");
 }
+/// The last level whose number of photons, which grows, is one.
+template <class Photons>
+std::int64_t deepest_of_photons(const Photons& photons) {
+  const auto fits = [&](std::int64_t k) { return photons(static_cast<double>(k)) < 0x1p62; };
+  std::int64_t low = 0;
+  std::int64_t high = deepest_of_all;
+  if (fits(high)) return high;
+  while (high - low > 1) {
+    const std::int64_t middle = low + (high - low) / 2;
+    (fits(middle) ? low : high) = middle;
+  }
+  return low;
+}
 }  // namespace detail
 
 // ---- schedules: what radius and how many photons a level has
@@ -96,6 +109,10 @@ struct GeometricRadii {
   }
   [[nodiscard]] std::int64_t photons_at(std::int64_t k) const {
     return detail::whole_photons(photons * std::pow(growth, static_cast<double>(k)));
+  }
+  /// The last level whose photons fit 64 bits.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return detail::deepest_of_photons([this](double k) { return photons * std::pow(growth, k); });
   }
   [[nodiscard]] Rates rates() const {
     const double a = std::log2(shrink);
@@ -127,6 +144,9 @@ struct AlphaRadii {
   }
   [[nodiscard]] std::int64_t photons_at(std::int64_t k) const {
     return detail::whole_photons(photons * std::pow(static_cast<double>(k) + 1, 1 - c * alpha));
+  }
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return detail::deepest_of_photons([this](double k) { return photons * std::pow(k + 1, 1 - c * alpha); });
   }
   [[nodiscard]] Rates rates() const { return {2 + alpha - c * alpha, 1 - c * alpha, Decay::polynomial}; }
   [[nodiscard]] bool finite_mean() const { return c < 1; }
@@ -170,6 +190,7 @@ class PhotonLevels {
     const SharedDraw<double> d = draw(level, level, rng);
     return {d.base, level == 0 ? d.base : d.difference, d.work};
   }
+  [[nodiscard]] std::int64_t deepest_level() const { return schedule_.deepest_level(); }
   /// The base from the photons of the difference, under the kernel of its own radius.
   SharedDraw<double> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
     return draw(level, base_level, rng);

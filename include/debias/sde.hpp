@@ -348,6 +348,8 @@ class SdeLevels {
     return {path.pay(payoff_), static_cast<double>(steps)};
   }
 
+  [[nodiscard]] static std::int64_t deepest_level() { return last_level; }
+
   // ---- many members at once
 
   static constexpr bool batches = std::same_as<detail::state_of<M>, double> && std::same_as<value_type, double> &&

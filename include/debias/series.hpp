@@ -14,6 +14,7 @@
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
@@ -115,6 +116,7 @@ class Series {
     std::fill(out.begin(), out.end(), difference_at(level, batch.stream(0)));
   }
 
+  [[nodiscard]] std::int64_t deepest_level() const requires StatesDeepestLevel<T> { return term_.deepest_level(); }
   [[nodiscard]] const T& terms() const { return term_; }
   [[nodiscard]] double work_per_term() const { return work_; }
 
@@ -172,6 +174,8 @@ namespace detail {
 template <SeriesTerm T>
 struct PairOfTerms {
   T term;
+
+  [[nodiscard]] static std::int64_t deepest_level() { return std::numeric_limits<std::int64_t>::max() / 2; }
 
   auto operator()(std::int64_t k) const requires(!RandomTerm<T>) {
     return sum(term(first_of(k)), term(first_of(k) + 1));
@@ -238,6 +242,12 @@ class Blocks {
     if (level == 0) return base(block.value, block.work);
     Term<value_type> before = value_at(level - 1, rng);
     return {sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
+  }
+
+  /// The last block whose terms the series has.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    const auto end = static_cast<std::uint64_t>(deepest_level_of(series_)) + 1;
+    return std::min<std::int64_t>(62, std::bit_width(end) - 1);
   }
 
   Rates rates;

@@ -50,6 +50,7 @@ struct SurveyRow {
   double seconds = 0;                       ///< of a draw of both, on one thread or all
   bool votes = false;                       ///< draws >= 10 x kurtosis, and not all of them zero
   bool fitted = false;                      ///< takes part in the fitted rates
+  int fewer_threads = 0;                    ///< as of Statistics
   std::vector<ComponentEstimate> values{};  ///< of I_k, by component
   std::vector<ComponentEstimate> coarse{};  ///< of its coarse partner, I_k - D_k
 };

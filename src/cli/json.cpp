@@ -77,6 +77,7 @@ Json advice_json(const Advice& a) {
           {"bound", number(a.bound)},
           {"highest_moment", number(a.highest_moment)},
           {"pilot_work", number(a.pilot_work)},
+          {"price", number(a.price)},
           {"law_exists", name_of(a.survey.law_exists)},
           {"rates", rates_json(a.survey.rates)},
           {"sentences", a.sentences},
@@ -211,6 +212,8 @@ std::string run_json(const Run& run) {
   json["samples"] = s.samples;
   json["work"] = number(s.work);
   json["seconds"] = s.seconds;
+  json["pilot_work"] = number(s.pilot_work);
+  json["pilot_seconds"] = s.pilot_seconds;
   json["efficiency"] = number(s.efficiency());
   json["seed"] = s.seed;
   json["truth"] = number(run.problem->truth);
@@ -264,11 +267,14 @@ std::string multilevel_json(const MultilevelRun& run) {
                {"mean", number(s.components.front().mean)},
                {"standard_error", number(s.components.front().standard_error)},
                {"bias", number(s.bias)},
-               {"goal", {{"error", s.goal}, {"met", s.converged}}},
+               {"goal", {{"error", s.goal}, {"met", s.goal_met()}}},
                {"alpha", number(s.alpha)},
                {"beta", number(s.beta)},
                {"work", number(s.work)},
                {"seconds", s.seconds},
+               {"pilot_work", number(s.pilot_work)},
+               {"pilot_seconds", s.pilot_seconds},
+               {"warnings", s.warnings},
                {"seed", s.seed},
                {"truth", number(run.problem->truth)}};
   json["levels"] = Json::array();

@@ -157,6 +157,8 @@ struct detail::Codec {
     io.number(s.seconds);
     io.text(s.identity.estimator);
     io.text(s.identity.name);
+    io.number(s.pilot.work);
+    io.number(s.pilot.seconds);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
     std::uint64_t n = s.nodes_.size();
     io.number(n);

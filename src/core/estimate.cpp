@@ -16,20 +16,6 @@ namespace {
 
 constexpr double save_interval = 1;  // seconds
 
-void check(const Plan& plan) {
-  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
-  if (plan.samples < 1) {
-    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
-  }
-  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
-  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
-    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
-  }
-  if (plan.threads < 0) {
-    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
-  }
-}
-
 // What all ranks of a run must have in common.
 std::string description(const Plan& plan, const Identity& identity, std::int64_t chunk) {
   std::string text = identity.estimator + identity.name;
@@ -51,8 +37,10 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.first = state.first();
   s.samples = state.last() - state.first();
   s.moments = sums.moments;
-  s.work = sums.work;
-  s.seconds = state.seconds;
+  s.work = sums.work + state.pilot.work;
+  s.seconds = state.seconds + state.pilot.seconds;
+  s.pilot_work = state.pilot.work;
+  s.pilot_seconds = state.pilot.seconds;
   s.nonfinite = state.extremes.nonfinite();
   s.first_nonfinite = state.extremes.first_nonfinite();
   s.largest = state.extremes.largest();
@@ -141,6 +129,20 @@ void add_warnings(Statistics& s) {
 
 namespace detail {
 
+void check_plan(const Plan& plan) {
+  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
+  if (plan.samples < 1) {
+    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
+  }
+  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
+  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
+    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
+  }
+  if (plan.threads < 0) {
+    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
+  }
+}
+
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   const auto report = [&](const std::string& what) {
     std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " + std::to_string(seed) +
@@ -150,6 +152,10 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   };
   try {
     throw;
+  } catch (const std::length_error& e) {
+    report(std::string(e.what()) +
+           " (a sequence that says how deep it can be drawn, by with_deepest_level(sequence, level) or a member "
+           "deepest_level(), has such runs refused before they start)");
   } catch (const std::exception& e) {
     report(e.what());
   } catch (...) {
@@ -168,7 +174,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
   const auto begin = [&] {
-    check(plan);
+    check_plan(plan);
     const std::int64_t end = plan.first + plan.samples;
     RunState& state = work.state;
     if (plan.earlier) {
@@ -199,6 +205,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     ranks->agree(description(plan, identity, chunk), begin);
   }
   const double earlier_seconds = work.state.seconds;
+  work.state.pilot += plan.pilot;
   if (!leads) {
     work.state = RunState(chunk);
     work.state.identity = identity;
@@ -250,15 +257,20 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
   const auto threads =
       std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : all, 1, std::clamp<std::int64_t>(chunks, 1, 1024));
+  std::int64_t drawing = ranks == nullptr ? 1 : 0;
   {
     std::vector<std::jthread> helpers;
-    for (std::int64_t i = ranks == nullptr ? 1 : 0; i < threads; ++i) {
+    for (; drawing < threads; ++drawing) {
       work.begin_thread();
       try {
         helpers.emplace_back([&draw] { draw(false); });
-      } catch (...) {  // the machine has no more threads
-        work.interrupt(std::current_exception());
+      } catch (...) {  // the machine has no more threads: those that are there do it all
         work.end_thread();
+        if (drawing == 0) {
+          work.interrupt(std::make_exception_ptr(std::invalid_argument(
+              "a rank could not start the thread that draws (a limit such as ulimit, or the machine, grants no more); "
+              "start fewer ranks")));
+        }
         break;
       }
     }
@@ -287,7 +299,17 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   work.state.identity = identity;  // with its type, also where the sums came from another rank
   Statistics statistics = finish(plan.seed, std::move(work.state));
   add_warnings(statistics);
+  if (drawing < threads) {
+    statistics.fewer_threads = static_cast<int>(drawing);
+    statistics.warnings.push_back(fewer_threads_text(statistics.fewer_threads));
+  }
   return statistics;
+}
+
+std::string fewer_threads_text(int threads) {
+  return "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
+         " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
+         "longer.";
 }
 
 void check_goal(const Goal& goal) {
@@ -306,14 +328,17 @@ void check_goal(const Goal& goal) {
 namespace {
 
 // The samples that a pilot asks for.
-double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
+double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, double bias) {
   if (goal.seconds > 0) {
     return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
   }
   const auto n = static_cast<double>(pilot.samples);
   const double doubt = std::sqrt(std::max(pilot.moments.kurtosis() - 1, 0.0) / n);  // of the variance
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
-  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * pilot.size());
+  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
+  // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
+  if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
+  const double error = Goal::aim * wish;
   if (variance == 0) return 2;
   return variance / (error * error);
 }
@@ -334,7 +359,8 @@ void judge_coupling(Statistics& s, double epsilon) {
   if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
 }
 
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,
+                   const std::function<double(const Statistics&)>& bias) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
@@ -345,16 +371,20 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
   pilot.save = {};
   pilot.earlier = {};
+  pilot.pilot = {};
+  PilotCost spent;
   const auto planned = [&](std::int64_t samples) {
     Plan result = plan;
     result.samples = samples;
+    result.pilot += spent;
     if (plan.earlier) result.samples = std::max(samples, plan.samples);  // fixed before those were drawn
     return result;
   };
   for (;;) {
+    check(pilot);
     const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
-    seconds += s.seconds;
-    const double wanted = wanted_samples(plan.goal, s, seconds);
+    spent += {s.work, s.seconds};
+    const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.samples);
     }

@@ -77,6 +77,7 @@ void RunState::merge(const RunState& other) {
   if (identity.type == nullptr) identity.type = other.identity.type;
   extremes.merge(other.extremes);
   seconds += other.seconds;
+  pilot += other.pilot;
 }
 
 std::vector<RunState::Range> RunState::missing(Range range) const {
@@ -153,10 +154,14 @@ double Statistics::size() const {
   return std::sqrt(square);
 }
 
+double Statistics::goal_error() const { return std::hypot(total_error(), bias_bound.size); }
+
 bool Statistics::goal_met() const {
-  if (goal.error > 0) return total_error() <= goal.error;
-  if (goal.relative_error > 0) return total_error() <= goal.relative_error * size();
-  return goal.seconds == 0 || pilot_seconds + seconds <= goal.seconds;
+  if (!goal.asked()) return true;
+  if (nonfinite > 0) return false;  // no answer, and NaN compares false below
+  if (goal.error > 0) return goal_error() <= goal.error;
+  if (goal.relative_error > 0) return goal_error() <= goal.relative_error * size();
+  return seconds <= goal.seconds;
 }
 
 double Statistics::efficiency() const {
@@ -218,21 +223,36 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
-  line("work", format("%.4g", s.work) + " (" + format("%.4g", s.work_per_sample()) + " per sample)");
-  line("seconds", format("%.3g", s.seconds));
-  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample)");
+  const bool has_pilot = s.pilot_work > 0 || s.pilot_seconds > 0;
+  const auto part = [&](const std::string& pilot) {
+    return has_pilot ? ", of that " + pilot + " by the pilot" : std::string();
+  };
+  line("work", format("%.4g", s.work) + part(format("%.4g", s.pilot_work)) + " (" +
+                   format("%.4g", s.work_per_sample()) + (has_pilot ? " per sample of the run)" : " per sample)"));
+  line("seconds", format("%.3g", s.seconds) + part(format("%.3g", s.pilot_seconds)));
+  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample" +
+                         (has_pilot ? ", the pilot's among them)" : ")"));
   if (s.goal.asked()) {
     const Goal& g = s.goal;
-    const std::string outcome = s.goal_met() ? ": met, " : ": NOT met, ";
-    if (g.error > 0)
-      line("goal", "standard error " + format("%g", g.error) + outcome + format("%.3g", s.total_error()));
+    // A goal is judged by numbers, and without one it is missed.
+    const auto outcome = [&](double reached, const std::string& unit) {
+      if (s.nonfinite > 0 || std::isnan(reached)) return std::string(": NOT met, there is no error to judge by");
+      if (std::isinf(reached)) return ": NOT met, no bound on the error" + unit;
+      return (s.goal_met() ? ": met, " : ": NOT met, ") + format("%.3g", reached) + unit;
+    };
+    const bool biased = s.bias_bound.size > 0;
+    const std::string parts = !biased ? ""
+                                      : " = sqrt(standard error " + format("%.2g", s.total_error()) + "^2 + bias " +
+                                            format("%.2g", s.bias_bound.size) + "^2)";
+    const std::string what = biased ? "error " : "standard error ";
+    if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s.goal_error(), parts));
     if (g.relative_error > 0) {
-      const std::string reached = s.size() > 0 ? format("%.3g", s.total_error() / s.size()) : "of a mean that is 0";
-      line("goal", "relative error " + format("%g", g.relative_error) + outcome + reached);
+      const double size = s.size();
+      const std::string of_zero = size == 0 ? " of a mean of 0" : "";
+      const double reached = size == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / size;
+      line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
     }
-    if (g.seconds > 0) {
-      line("goal", format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));
-    }
+    if (g.seconds > 0) line("goal", format("%g", g.seconds) + " seconds" + outcome(s.seconds, ""));
   }
   for (const std::string& warning : s.warnings) line("warning", warning);
   if (!has_verdict) return out;

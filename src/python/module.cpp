@@ -117,17 +117,33 @@ auto translated(const F& f) {
   }
 }
 
+/// Runs f(watch) here: Python functions answer on the thread that their user called from.
+template <class F>
+auto on_this_thread(const F& f, const py::object& progress) {
+  auto next = std::chrono::steady_clock::now();
+  const Watch watch = [&](std::string_view, double done, double total) {
+    if (std::chrono::steady_clock::now() < next) return true;
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (!progress.is_none()) progress(done, total);
+    next = std::chrono::steady_clock::now() + 50ms;
+    return true;
+  };
+  const py::gil_scoped_release release;
+  return f(watch);
+}
+
 /// Runs f(watch) on a thread of its own, while this one answers Ctrl-C and shows the progress. A run that does not
 /// end within 0.35 s of Ctrl-C (deep in a level of 2^60 draws nobody looks) is left behind, and ends with the program.
 template <class F>
-auto on_worker(F f, const py::object& progress) {
+auto on_worker(const F& f, const py::object& progress) {
   struct Shared {
     std::atomic<double> done = 0;
     std::atomic<double> total = 0;
     std::atomic<bool> stop = false;
   };
   const auto shared = std::make_shared<Shared>();
-  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f = std::move(f), shared] {
+  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f, shared] {
     return f([&shared](std::string_view, double done, double total) {
       shared->done = done;
       shared->total = total;
@@ -135,7 +151,12 @@ auto on_worker(F f, const py::object& progress) {
     });
   });
   auto future = task.get_future();
-  std::thread worker(std::move(task));
+  std::thread worker;
+  try {
+    worker = std::thread(std::move(task));
+  } catch (const std::system_error&) {  // the machine has no more threads
+    return on_this_thread(f, progress);
+  }
   const auto ends_within = [&future](std::chrono::milliseconds time) {
     const py::gil_scoped_release release;
     return future.wait_for(time) == std::future_status::ready;
@@ -164,22 +185,6 @@ auto on_worker(F f, const py::object& progress) {
   }
   worker.join();
   return future.get();
-}
-
-/// Runs f(watch) here: Python functions answer on the thread that their user called from.
-template <class F>
-auto on_this_thread(const F& f, const py::object& progress) {
-  auto next = std::chrono::steady_clock::now();
-  const Watch watch = [&](std::string_view, double done, double total) {
-    if (std::chrono::steady_clock::now() < next) return true;
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    if (!progress.is_none()) progress(done, total);
-    next = std::chrono::steady_clock::now() + 50ms;
-    return true;
-  };
-  const py::gil_scoped_release release;
-  return f(watch);
 }
 
 // f(problem, arguments, watch) for a problem of either kind.
@@ -300,6 +305,9 @@ Facts facts_of(const py::dict& d) {
   facts.rates = {number("variance_rate"), number("work_rate"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
+  if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
+    facts.deepest_level = d["deepest_level"].cast<std::int64_t>();
+  }
   return facts;
 }
 

@@ -67,7 +67,7 @@ VECTOR = debias.levels(powers(lambda m: np.stack((m * m, m * m * m), axis=1)), d
 class SameBits(unittest.TestCase):
     def same_json(self, a, b):
         for data in (a, b):
-            for key in ("seconds", "efficiency", "file"):
+            for key in ("seconds", "pilot_seconds", "efficiency", "file"):
                 data.pop(key, None)
             for row in data.get("levels", []):
                 row.pop("seconds", None)
@@ -246,6 +246,12 @@ class OwnProblems(unittest.TestCase):
         without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
         r = debias.estimate(without_rates, samples=1 << 16)
         self.assertIsNotNone(r["recipe"])
+        self.assertGreaterEqual(r.pilot_work, r["recipe"]["pilot_work"])
+        self.assertGreater(r.work, r.pilot_work)
+        self.assertGreater(r.seconds, r.pilot_seconds)
+        self.assertIn("by the pilot", str(r))
+        self.assertEqual(debias.estimate(SCALAR, samples=1000).pilot_work, 0)
+        self.assertGreater(debias.estimate(SCALAR, estimator="multilevel", error=0.1).pilot_work, 0)
         self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error)
         self.assertEqual(debias.recipe(without_rates)["law_exists"], "yes")
         alone = debias.levels(lambda k, u: powers(square)(k, u) if k == 0 else
@@ -353,6 +359,32 @@ class BadInput(unittest.TestCase):
         self.raises(AttributeError, "multilevel", lambda: multilevel.largest)
         self.raises(ValueError, "does not apply", debias.estimate, SCALAR, estimator="roulette")
 
+    def test_runs_that_cannot_be_drawn_are_refused_before_they_start(self):
+        calls = []
+
+        def differences(level, u):
+            calls.append(level)
+            return powers(square)(level, u)
+
+        def own(**options):
+            return debias.levels(differences, **{"dimension": lambda k: 2**k, "rates": (2, 1), **options})
+
+        # Level 25 asks for 2^25 uniforms: for some of a million samples, whatever the seed.
+        for seed in 1, 2:
+            self.raises(ValueError, r"level beyond 24.* 9\.\d %.*take at most \d+ samples, or the PMF geometric:theta=1\.5 ",
+                        debias.estimate, own(), base_level=4, samples=1_000_000, seed=seed)
+        self.raises(ValueError, "level beyond 7", debias.estimate, own(deepest_level=7), samples=1_000_000)
+        self.raises(ValueError, "level beyond 99", debias.estimate,
+                    own(dimension=lambda k: 1 if k < 100 else 2**30, rates=(0.1, 0)), samples=1_000_000)
+        self.raises(ValueError, "deepest_level = -1", own, deepest_level=-1)
+        self.raises(ValueError, "ask for at most 25", debias.survey, own(), levels=30, samples=10)
+        # 2^27 look-ups of one draw are too many at once.
+        self.raises(ValueError, "level beyond 26", debias.estimate, debias.function_of_mean(square, "log"),
+                    base_level=8, samples=1_000_000)
+        self.assertEqual(calls, [])
+        self.assertLess(abs(debias.estimate(own(), base_level=4, samples=2000, law="geometric:theta=1.5").mean - 0.25),
+                        0.05)
+
     def test_exceptions_are_the_users_own_and_nothing_leaks(self):
         class Own(Exception):
             pass
@@ -423,7 +455,7 @@ class Interrupts(unittest.TestCase):
         for name, f in {"catalogue": lambda: debias.estimate("E05", samples=1e9),
                         "samples": lambda: debias.samples("E05", 10**7),
                         "survey": lambda: debias.survey("E05", levels=8, samples=1e8),
-                        "own": lambda: debias.estimate(slow, samples=1e9)}.items():
+                        "own": lambda: debias.estimate(slow, samples=1e9, law="geometric:theta=1.9")}.items():
             with self.subTest(name):
                 self.assertLess(self.seconds_to_interrupt(f), 0.5)
 

@@ -24,6 +24,7 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
 
@@ -33,8 +34,14 @@ namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
 Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body);
-/// The plan with the samples that its goal asks for; adds the time that finding out took.
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, double& seconds);
+/// Throws std::invalid_argument for plans that no run has, or none of this estimator.
+using PlanCheck = std::function<void(const Plan& plan)>;
+/// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
+                   const std::function<double(const Statistics& pilot)>& bias);
+void check_plan(const Plan& plan);
+/// Says that a run had so many threads, and no more.
+std::string fewer_threads_text(int threads);
 void check_goal(const Goal& goal);
 
 /// Samples of a chunk.
@@ -73,7 +80,8 @@ Statistics with_rounding(Statistics statistics) {
 
 /// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
 /// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
-/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop.
+/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
+/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
 /// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
 template <Estimator E>
 Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
@@ -109,15 +117,28 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   };
-  double pilot_seconds = 0;
+  const auto check = [&](const Plan& wanted) {
+    detail::check_plan(wanted);
+    if constexpr (StatesReach<E>) {
+      const std::int64_t whole = std::max(wanted.whole, wanted.samples);
+      detail::require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
+    }
+  };
   if (plan.goal.asked()) {
     pilot = true;
-    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, pilot_seconds);
+    const auto bias = [&]([[maybe_unused]] const Statistics& s) {
+      if constexpr (StatesBias<E>) {
+        return estimator.bias_bound(s.state.total().levels).size;
+      } else {
+        return 0.0;
+      }
+    };
+    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, check, bias);
     pilot = false;
   }
+  check(fixed);
   Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
-  statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
     for (LevelRow& row : statistics.levels) {

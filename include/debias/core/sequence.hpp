@@ -14,6 +14,7 @@
 //   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra; no run checks the coupling then
 //   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
+//   deepest_level()                 -> int64: the last level that can be drawn (core/reach.hpp)
 //   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
 //                                      out[b] from the numbers of member b, equal to one by one up to rounding
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015); Misso et al., ACM TOG 41(4), 2022 (shared base).
@@ -26,6 +27,7 @@
 
 #include <debias/core/coupling.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
@@ -207,6 +209,8 @@ class LevelsOf {
     }
     return {std::move(partial), std::move(term.value), work};
   }
+
+  [[nodiscard]] std::int64_t deepest_level() const requires StatesDeepestLevel<S> { return terms_.deepest_level(); }
 
  private:
   S terms_;

@@ -8,6 +8,7 @@
 // Assumes and fails as derivative.hpp does, on any one axis; the work is that of all axes.
 // Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 7.1.
 
+#include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -90,6 +91,12 @@ class PartialDerivatives {
       all.work += term.work;
     }
     return all;
+  }
+
+  [[nodiscard]] std::int64_t deepest_level() const {
+    std::int64_t level = deepest_of_all;
+    for (const Partial& p : partials_) level = std::min(level, p.deepest_level());
+    return level;
   }
 
   /// On the norm of the error: as if each axis had the differences of all.

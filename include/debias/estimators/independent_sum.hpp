@@ -16,6 +16,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -66,6 +67,9 @@ class IndependentSum {
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(sequence_, law_, base_level_, base_level_);
   }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", law_, base_level_); }

@@ -21,6 +21,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -78,6 +79,11 @@ class Progressive {
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
+  /// As if every sample had the base level of the last one.
+  [[nodiscard]] Reach reach(std::int64_t last) const {
+    const std::int64_t m = schedule_.level(static_cast<std::uint64_t>(last));
+    return detail::reach_of(sequence_, law_, m, m + 1);
+  }
 
   [[nodiscard]] std::string describe() const {
     std::string name = "user-defined law";
@@ -109,6 +115,9 @@ class Averaged {
     return {std::move(base.value), base.work, m};
   }
 
+  [[nodiscard]] Reach reach(std::int64_t last) const {
+    return detail::reach_of_level(sequence_, schedule_.level(static_cast<std::uint64_t>(last)));
+  }
   [[nodiscard]] std::string describe() const { return "averaged (biased), " + schedule_.describe(); }
 
  private:

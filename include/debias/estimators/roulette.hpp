@@ -21,6 +21,7 @@
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -81,6 +82,9 @@ class Roulette {
 
   /// What the term of a level is divided by.
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(terms_, law_, base_level_, base_level_);
+  }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("roulette", law_, base_level_); }
 

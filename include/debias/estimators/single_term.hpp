@@ -23,6 +23,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -101,6 +102,9 @@ class SingleTerm {
   [[nodiscard]] double probability(std::int64_t level) const { return law_.mass(level - first_level()); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(sequence_, law_, options_.base_level, first_level());
   }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] const S& sequence() const { return sequence_; }

@@ -113,6 +113,12 @@ class Stratified {
     const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
     return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, default_chunk);
   }
+  /// Strata change nothing of how likely a member reaches a level.
+  [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> {
+    Reach reach = estimator_.reach(last);
+    reach.members *= block_;
+    return reach;
+  }
   /// Strata leave the mean of a member where it is.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
     return estimator_.bias_bound(levels);

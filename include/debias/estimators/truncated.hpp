@@ -11,6 +11,7 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -34,6 +35,7 @@ class Truncated {
     return {std::move(term.value), term.work, level_};
   }
 
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const { return detail::reach_of_level(sequence_, level_); }
   [[nodiscard]] std::string describe() const { return "truncated (biased), level " + std::to_string(level_); }
 
  private:

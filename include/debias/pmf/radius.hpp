@@ -5,8 +5,8 @@
 //   p_j = (j+1)^(alpha-1) - (j+2)^(alpha-1),  P(J >= j) = (j+1)^(alpha-1),  p_j ~ j^(alpha-2)
 //
 // Under it the means of all weighted differences of a photon density are the same. The tail is the heaviest of all
-// laws here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3; sampling it
-// throws, since a cut would be a bias. Source: Misso et al., ACM TOG 41(4), 2022.
+// laws here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3: sampling it
+// throws, and runs that may need it are refused. Source: Misso et al., ACM TOG 41(4), 2022.
 
 #include <cmath>
 #include <cstdint>

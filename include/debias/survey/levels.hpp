@@ -49,6 +49,8 @@ struct StrataMoments {
 struct LevelRuns {
   /// Draws plan.samples times (I_k, D_k).
   std::function<Statistics(std::int64_t level, const Plan& plan)> draw;
+  /// The last level that can be drawn.
+  std::int64_t deepest_level = deepest_of_all;
   /// Mean work of I_k alone and of D_k alone over a few draws.
   std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
   /// Empty where the sequence has no shared base.
@@ -227,6 +229,7 @@ SharedMoments shared_moments(const Statistics& statistics);
 template <BiasedSequence S>
 LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
+  runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };

@@ -162,6 +162,9 @@ class TaylorSum {
 
   /// What the term of a level is divided by.
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - options_.base_level); }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(g_, law_, options_.base_level, options_.base_level);
+  }
   [[nodiscard]] const P& law() const { return law_; }
 
   [[nodiscard]] std::string describe() const {

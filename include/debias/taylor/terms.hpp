@@ -196,6 +196,12 @@ class Taylor {
 
   Cursor operator()(Stream& rng) const { return {*this, rng}; }
 
+  /// The last order of the series.
+  [[nodiscard]] std::int64_t deepest_level() const requires
+      StatesDeepestLevel<decltype(std::declval<const G&>().expand(0.0))> {
+    return series_.deepest_level();
+  }
+
   /// T_level alone; it takes `level` draws.
   Term<value_type> difference_at(std::int64_t level, Stream& rng) const {
     auto series = series_;

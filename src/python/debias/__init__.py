@@ -152,8 +152,18 @@ class Result(Report):
         return self._data["seconds"]
 
     @property
+    def pilot_work(self) -> float:
+        """Of `work`, what a pilot took that chose the estimator or its samples; of multilevel, the first draws."""
+        return _number(self._data["pilot_work"])
+
+    @property
+    def pilot_seconds(self) -> float:
+        """Of `seconds`."""
+        return self._data["pilot_seconds"]
+
+    @property
     def efficiency(self) -> float:
-        """1 / (variance x seconds per sample)."""
+        """1 / (variance x seconds per sample), the pilot's seconds among them."""
         return _number(self._known("efficiency"))
 
     @property
@@ -429,7 +439,8 @@ def normal_quantile(uniforms: Any) -> np.ndarray:
 def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[int, Callable[[int], int]],
            work: Union[None, float, Callable[[int], float]] = None, components: Optional[int] = None,
            rates: Optional[Sequence[float]] = None, polynomial: bool = False, lowest_base: int = 0,
-           truth: Optional[float] = None, name: str = "levels", formula: str = "") -> Problem:
+           truth: Optional[float] = None, name: str = "levels", formula: str = "",
+           deepest_level: Optional[int] = None) -> Problem:
     """A sequence of coupled levels, in batches.
 
     differences(level, uniforms) sees an array (n, dimension(level)) of numbers in (0, 1), one row a draw, and returns
@@ -443,6 +454,8 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     work         of a draw, likewise; its dimension where it is not given
     rates        (beta, gamma): E D_k^2 falls like 2^(-beta k), work grows like 2^(gamma k); k^-beta and k^gamma if
                  `polynomial`. Without rates a pilot chooses the law.
+    deepest_level   the last level that can be drawn, where it is not the one with 2 ** 24 uniforms: a run that is likely
+                 to need a deeper one is refused before it starts, with a law or a number of samples that can be drawn
 
     The function is called once for each level and block of 65536 samples, on the thread that called `estimate`.
     """
@@ -466,6 +479,8 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     dimension_of = _function_of_level("dimension", dimension, whole=True)
     work_of = dimension_of if work is None else _function_of_level("work", work, whole=False)
     facts = _facts(name, formula, truth, rates, polynomial, lowest_base)
+    if deepest_level is not None:
+        facts["deepest_level"] = _whole("deepest_level", deepest_level, 0)
     return _debias.levels(facts, answer, lambda level: (dimension_of(level), work_of(level)),
                           0 if components is None else width)
 
