@@ -13,6 +13,8 @@
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a law divides by p_k.
+// A NaN among the draws makes value and difference NaN, whatever g makes of it. Of a mean that is infinite I_k is what g
+// says (e^-inf = 0, 1 / inf = 0), and D_k is NaN where g has a gap.
 
 #include <array>
 #include <cmath>
@@ -57,6 +59,17 @@ template <class G, class M>
 concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
   requires Value<std::remove_cvref_t<decltype(g.at(level, m))>>;
   { g.gap(level, m, m) } -> std::same_as<std::remove_cvref_t<decltype(g.at(level, m))>>;
+};
+
+/// A function that knows its gap from the halves a = m + d and b = m - d as well: gap_of_halves(a, b), or
+/// gap_of_halves(level, a, b).
+template <class G, class M>
+concept KnowsHalves = requires(const G& g, const M& half) {
+  g.gap_of_halves(half, half);
+};
+template <class G, class M>
+concept LevelKnowsHalves = requires(const G& g, std::int64_t level, const M& half) {
+  g.gap_of_halves(level, half, half);
 };
 
 /// A function with batch forms (functions.hpp): values(m) in place, gaps(m, d) with the gap in d.
@@ -124,14 +137,14 @@ class Doubling {
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
     if (level == 0) return base(value_of_one_point(rng), work(0));
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), difference(sums, level), work(level)};
+    return {value_of_mean(mean(sums, level), level), difference(sums, level), work(level)};
   }
 
   /// I_level alone.
   Term<value_type> value_at(std::int64_t level, Stream& rng) const {
     if (level == 0) return {value_of_one_point(rng), work(0)};
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), work(level)};
+    return {value_of_mean(mean(sums, level), level), work(level)};
   }
 
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
@@ -287,7 +300,7 @@ class Doubling {
     if constexpr (detail::BatchedFunction<G>) {
       g_.values(means);
     } else {
-      for (double& x : means) x = detail::value_at(g_, level, x);
+      for (double& x : means) x = value_of_mean(x, level);
     }
   }
 
@@ -295,6 +308,14 @@ class Doubling {
   void gaps(std::int64_t level, Sums& sums, std::size_t members) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::BatchedFunction<G>) {
+      bool any = false;
+      if constexpr (detail::KnowsHalves<G, Mean>) {
+        for (std::size_t b = 0; b < members; ++b) any = any | lopsided(sums.even[b], sums.odd[b]);
+      }
+      if (any) [[unlikely]] {
+        for (std::size_t b = 0; b < members; ++b) sums.odd[b] = difference(Halves{sums.even[b], sums.odd[b]}, level);
+        return;
+      }
       for (std::size_t b = 0; b < members; ++b) {
         const double even = sums.even[b];
         sums.even[b] = (even + sums.odd[b]) * per_point;
@@ -307,7 +328,17 @@ class Doubling {
   }
 
   value_type value_of_one_point(Stream& rng) const {
-    return detail::value_at(g_, 0, scaled(points_.points(0, 0, rng)(), points_.scale));
+    return value_of_mean(scaled(points_.points(0, 0, rng)(), points_.scale), 0);
+  }
+
+  // A comparison in g, or a component that it does not use, would hide a NaN.
+  value_type value_of_mean(const Mean& m, std::int64_t level) const {
+    return or_nan(detail::value_at(g_, level, m), m);
+  }
+  static value_type or_nan(value_type value, const Mean& m) {
+    if (has_nan(m)) [[unlikely]]
+      return nan_like(std::move(value));
+    return value;
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
@@ -317,14 +348,29 @@ class Doubling {
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
+    const Mean m = mean(sums, level);
+    if constexpr (detail::KnowsHalves<G, Mean> || detail::LevelKnowsHalves<G, Mean>) {
+      if (lopsided(sums.even, sums.odd)) [[unlikely]] {
+        return or_nan(gap_of_halves(sums, level), m);
+      }
+    }
     if constexpr (detail::LevelFunction<G, Mean>) {
-      return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return or_nan(g_.gap(level, m, scaled(debias::difference(sums.even, sums.odd), per_point)), m);
     } else if constexpr (OffersGap<G, Mean>) {
-      return g_.gap(mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return or_nan(g_.gap(m, scaled(debias::difference(sums.even, sums.odd), per_point)), m);
     } else {
       const value_type even = g_(scaled(sums.even, 2 * per_point));
       const value_type odd = g_(scaled(sums.odd, 2 * per_point));
-      return debias::difference(g_(mean(sums, level)), scaled(sum(even, odd), 0.5));
+      return or_nan(debias::difference(g_(m), scaled(sum(even, odd), 0.5)), m);
+    }
+  }
+
+  value_type gap_of_halves(const Halves& sums, std::int64_t level) const {
+    const double per_point = 2 * points_.scale * detail::share_of_draw(level);
+    if constexpr (detail::LevelKnowsHalves<G, Mean>) {
+      return g_.gap_of_halves(level, scaled(sums.even, per_point), scaled(sums.odd, per_point));
+    } else {
+      return g_.gap_of_halves(scaled(sums.even, per_point), scaled(sums.odd, per_point));
     }
   }
 
@@ -365,7 +411,7 @@ struct IntegralOptions {
 
 namespace detail {
 inline void check_interval(const char* name, double from, double to) {
-  if (std::isfinite(from) && std::isfinite(to)) return;
+  if (std::isfinite(to - from)) return;
   throw std::invalid_argument(std::string(name) + ": the interval is not finite; substitute the variable");
 }
 }  // namespace detail

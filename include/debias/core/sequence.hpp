@@ -199,6 +199,9 @@ class LevelsOf {
       partial = sum(std::move(partial), term.value);
       work += term.work;
     }
+    // A term before the last one that is no number spoils the difference, too: the path is one draw.
+    if (!is_finite(partial)) [[unlikely]]
+      term.value = nan_like(std::move(term.value));
     return {std::move(partial), std::move(term.value), work};
   }
 
