@@ -119,7 +119,12 @@ struct Reciprocal {
  private:
   static double form(double m, double d, double a, double b) {
     const double squares = -(d / m) * (d / b);
-    if (std::abs(squares) < 1e-290) return -(d / m) * (d / b / a);  // they underflow, the gap may not
+    const double size = std::abs(squares);
+    if (size < 1e-290) return -(d / m) * (d / b / a);  // they underflow, the gap may not
+    if (size > 1e290) {                                // they overflow
+      const bool a_is_larger = std::abs(a) > std::abs(b);
+      return -(d / m) * (d / (a_is_larger ? a : b)) / (a_is_larger ? b : a);
+    }
     return squares / a;
   }
 };
@@ -176,7 +181,11 @@ struct Log {
  private:
   static constexpr double far = 0x1p-7;  // (1 - r)(1 + r) of halves that r no longer tells apart
   /// log(m^2 / (a b)) / 2. A half that is zero or negative makes it infinite or NaN.
-  static double far_gap(double m, double a, double b) { return -0.5 * (std::log(a / m) + std::log(b / m)); }
+  static double far_gap(double m, double a, double b) {
+    const double low = (b < a ? b : a) / m;
+    const double of_low = low < 1e-290 && low >= 0 ? std::log(b < a ? b : a) - std::log(m) : std::log(low);
+    return -0.5 * (std::log((b < a ? a : b) / m) + of_low);
+  }
 };
 
 /// The square root of x.
