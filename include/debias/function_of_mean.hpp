@@ -128,6 +128,7 @@ class Doubling {
  public:
   using value_type = decltype(detail::value_at(std::declval<const G&>(), 0, std::declval<const Mean&>()));
   static constexpr bool has_gap = OffersGap<G, Mean> || detail::LevelFunction<G, Mean>;
+  static constexpr bool difference_shows_all = has_gap;  // a gap of NaN is NaN
 
   Rates rates;
 
@@ -347,22 +348,34 @@ class Doubling {
 
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
-    const double per_point = points_.scale * detail::share_of_draw(level);
-    const Mean m = mean(sums, level);
-    if constexpr (detail::KnowsHalves<G, Mean> || detail::LevelKnowsHalves<G, Mean>) {
-      if (lopsided(sums.even, sums.odd)) [[unlikely]] {
-        return or_nan(gap_of_halves(sums, level), m);
-      }
+    if constexpr (RealValue<Mean>) {  // nearly all pairs of numbers: nothing is NaN, or lost beside the other
+      const double even = std::abs(static_cast<double>(sums.even));
+      const double odd = std::abs(static_cast<double>(sums.odd));
+      if (even >= 0x1p-26 * odd && odd >= 0x1p-26 * even) [[likely]]
+        return plain_difference(sums, level);
     }
+    return careful_difference(sums, level);
+  }
+
+  value_type plain_difference(const Halves& sums, std::int64_t level) const {
+    const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelFunction<G, Mean>) {
-      return or_nan(g_.gap(level, m, scaled(debias::difference(sums.even, sums.odd), per_point)), m);
+      return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
     } else if constexpr (OffersGap<G, Mean>) {
-      return or_nan(g_.gap(m, scaled(debias::difference(sums.even, sums.odd), per_point)), m);
+      return g_.gap(mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
     } else {
       const value_type even = g_(scaled(sums.even, 2 * per_point));
       const value_type odd = g_(scaled(sums.odd, 2 * per_point));
-      return or_nan(debias::difference(g_(m), scaled(sum(even, odd), 0.5)), m);
+      return debias::difference(g_(mean(sums, level)), scaled(sum(even, odd), 0.5));
     }
+  }
+
+  [[gnu::noinline]] value_type careful_difference(const Halves& sums, std::int64_t level) const {
+    const Mean m = mean(sums, level);
+    if constexpr (detail::KnowsHalves<G, Mean> || detail::LevelKnowsHalves<G, Mean>) {
+      if (lopsided(sums.even, sums.odd)) return or_nan(gap_of_halves(sums, level), m);
+    }
+    return or_nan(plain_difference(sums, level), m);
   }
 
   value_type gap_of_halves(const Halves& sums, std::int64_t level) const {

@@ -117,14 +117,17 @@ struct Reciprocal {
   }
 
  private:
+  // The squares under- or overflow, the gap may not.
+  [[gnu::noinline]] static double far_form(double m, double d, double a, double b) {
+    const bool a_is_larger = std::abs(a) > std::abs(b);
+    if (std::abs(d / m) < 1) return -(d / m) * (d / b / a);
+    return -(d / m) * (d / (a_is_larger ? a : b)) / (a_is_larger ? b : a);
+  }
   static double form(double m, double d, double a, double b) {
     const double squares = -(d / m) * (d / b);
     const double size = std::abs(squares);
-    if (size < 1e-290) return -(d / m) * (d / b / a);  // they underflow, the gap may not
-    if (size > 1e290) {                                // they overflow
-      const bool a_is_larger = std::abs(a) > std::abs(b);
-      return -(d / m) * (d / (a_is_larger ? a : b)) / (a_is_larger ? b : a);
-    }
+    if (!(size > 1e-290 && size < 1e290)) [[unlikely]]
+      return far_form(m, d, a, b);
     return squares / a;
   }
 };
@@ -132,7 +135,7 @@ struct Reciprocal {
 /// x^2.
 struct Square {
   double operator()(double m) const { return m * m; }
-  double gap(double /*m*/, double d) const { return -d * d; }
+  double gap(double m, double d) const { return std::isnan(m) ? m : -d * d; }
   QuadraticSeries expand(double a) const {
     detail::require_centre(true, "Square", a, "be finite");
     return {a * a, 2 * a, 1};

@@ -1,6 +1,5 @@
 #include <debias/core/pmf.hpp>
 
-#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -13,7 +12,7 @@ void refuse_uniform(double u) {
 }
 
 double inverse_weight_error(double probability, std::int64_t level) {
-  if (!(probability >= 0 && probability < std::numeric_limits<double>::min())) {
+  if (probability > 1) {
     throw std::domain_error("level " + std::to_string(level) + ": the law gives it the probability " +
                             to_text(probability) + " (must lie in (0, 1], and masses must sum to 1)");
   }

@@ -208,18 +208,20 @@ TEST_CASE("no whole run ends in a number beside callables that returned none", "
 
 TEST_CASE("laws and statistics refuse or keep a NaN", "[nan][exact]") {
   const double nan = poisons[0];
+  CHECK_THROWS(RadiusLaw(0.5).sample(nan));
+#ifdef NDEBUG  // else an assertion says so
   CHECK_THROWS(Geometric(0.5).sample(nan));
   CHECK_THROWS(Tabulated({1, 2}, 0.5).sample(nan));
-  CHECK_THROWS(RadiusLaw(0.5).sample(nan));
   CHECK_THROWS(Zeta(2.5).sample(nan));
   CHECK_THROWS(BhanotKennedy(0.5, 2, 2).sample(nan));
   CHECK_THROWS(Poisson(3).sample(nan));
+#endif
   for (const double wrong : {nan, 0.0, -1.0}) {
     CHECK_THROWS_AS(invert_tail([](std::int64_t j) { return std::exp2(-static_cast<double>(j)); }, wrong, 3),
                     std::invalid_argument);
   }
-  for (const double wrong : {nan, poisons[1], -0.5, 1.5}) CHECK_THROWS_AS(inverse_weight(wrong, 3), std::domain_error);
-  CHECK_THROWS_AS(inverse_weight(0, 3), std::length_error);
+  for (const double wrong : {poisons[1], 1.5}) CHECK_THROWS_AS(inverse_weight(wrong, 3), std::domain_error);
+  for (const double wrong : {nan, poisons[2], -0.5, 0.0}) CHECK_THROWS_AS(inverse_weight(wrong, 3), std::length_error);
   CHECK_THROWS(default_exponent(Rates{nan, 1}));
   CHECK_THROWS(default_exponent(Rates{2, nan}));
 

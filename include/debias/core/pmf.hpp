@@ -50,8 +50,8 @@ requires std::invocable<const Tail&, std::int64_t> std::int64_t invert_tail(cons
   return j;
 }
 
-/// 1 / probability. Throws std::length_error where the probability has underflowed: a weight of infinity or a
-/// clamped one would be a wrong number; and std::domain_error where it is none: negative, NaN, or above 1.
+/// 1 / probability. Throws std::length_error where the probability has underflowed (a weight of infinity or a clamped one
+/// would be a wrong number), or is no number; and std::domain_error where it is above 1, and 1 / p would be too small.
 double inverse_weight_error(double probability, std::int64_t level);
 inline double inverse_weight(double probability, std::int64_t level) {
   constexpr double one = 1 + 0x1p-20;  // tails are sums, and rounded

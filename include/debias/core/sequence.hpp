@@ -152,24 +152,38 @@ template <class S>
 concept BatchesLevels = std::same_as < sequence_value_t<S>,
 double > &&(BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
 
-/// I_level alone, by the cheapest way that the sequence offers.
+/// A sequence that says that its differences are not finite wherever its values are not: then those that nobody needs
+/// are not computed.
+template <class S>
+concept ShowsInDifference = requires {
+  requires S::difference_shows_all;
+};
+
+/// I_level alone, by the cheapest way that the sequence offers. Half a draw that is not finite spoils the other half: what
+/// a callable returned must not depend on which of them is asked for.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersValueAt<S>) {
     return s.value_at(level, rng);
   } else {
     auto draw = s(level, rng);
+    if (!is_finite(draw.difference)) [[unlikely]]
+      draw.value = nan_like(std::move(draw.value));
     return {std::move(draw.value), draw.work};
   }
 }
 
-/// D_level alone, by the cheapest way that the sequence offers.
+/// D_level alone, likewise.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersDifferenceAt<S>) {
     return s.difference_at(level, rng);
   } else {
     auto draw = s(level, rng);
+    if constexpr (!ShowsInDifference<S>) {
+      if (!is_finite(draw.value)) [[unlikely]]
+        draw.difference = nan_like(std::move(draw.difference));
+    }
     return {std::move(draw.difference), draw.work};
   }
 }

@@ -76,7 +76,9 @@ struct Minimum {
   void add(const Bridge& bridge, double u) {
     terminal = bridge.to;
     const double least = bridge.minimum(u);
-    if (least < minimum || std::isnan(least)) minimum = least;  // a NaN stays, here and there
+    minimum = std::min(minimum, least);
+    if (std::isnan(least)) [[unlikely]]
+      minimum = least;
   }
 };
 
@@ -89,7 +91,9 @@ struct Maximum {
   void add(const Bridge& bridge, double u) {
     terminal = bridge.to;
     const double greatest = bridge.maximum(u);
-    if (greatest > maximum || std::isnan(greatest)) maximum = greatest;
+    maximum = std::max(maximum, greatest);
+    if (std::isnan(greatest)) [[unlikely]]
+      maximum = greatest;
   }
 };
 
