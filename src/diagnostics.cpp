@@ -139,6 +139,12 @@ BiasedEstimate median_of_means(std::span<const double> values, double delta) {
     throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) + " values (must be at least " +
                                 std::to_string(groups) + " for this delta)");
   }
+  // A median would leave them out without a word.
+  for (const double x : values) {
+    if (!std::isfinite(x)) {
+      return {std::numeric_limits<double>::quiet_NaN(), static_cast<std::int64_t>(groups)};
+    }
+  }
   const std::size_t length = values.size() / groups;
   std::vector<double> means;
   for (std::size_t g = 0; g < groups; ++g) means.push_back(Moments::of(values.subspan(g * length, length)).mean);

@@ -10,7 +10,9 @@
 //   Notation: x = at, h_k = first_step ratio^k; f(x), or f(x, stream) for the derivative of x -> E f(x).
 // All evaluations of a draw see the same random numbers. The rates hold where f is smooth in every sample.
 // Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump or have their own noise,
-// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it.
+// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it. The bound
+// of an f without noise is infinite where its differences fall by less than 3/4 of the declared rate: at jumps, cusps
+// and poles, and at kinks of second differences.
 // Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
 // (`last_level`); later differences are 0, and the result carries the bound on the bias (`bias_bound`).
 
@@ -107,14 +109,16 @@ class FiniteDifference {
     const std::int64_t deepest = deepest_step() - options_.extrapolations;
     if (deepest < 0) refuse("the step is lost beside `at`; take a larger one");
     measure_size();
+    const std::int64_t rounded = std::min(deepest, rounding_level());
     if (options_.last_level) {
       if (*options_.last_level < 0 || *options_.last_level > deepest) {
         refuse("last_level must lie in 0 ... " + std::to_string(deepest) + "; beyond, the step is lost beside `at`");
       }
       last_level_ = *options_.last_level;
     } else {
-      last_level_ = std::min(deepest, rounding_level());
+      last_level_ = rounded;
     }
+    probed_levels_ = std::min(rounded, std::max(last_level_, fewest_probed));
     for (std::int64_t k = 0; k <= std::min(last_level_ + options_.extrapolations, last_stored_step); ++k) {
       steps_.push_back(step_of(k));
     }
@@ -125,25 +129,14 @@ class FiniteDifference {
     if (level > last_level_) {
       if (options_.beyond == BeyondLast::throws) beyond_last(level);
       Term<value_type> last = value_at(last_level_, rng);
-      value_type nothing = zero_like(last.value);
+      value_type nothing = debias::difference(value_type(last.value), last.value);  // zero, unless f is not finite
       return {std::move(last.value), std::move(nothing), last.work};
     }
     if (level == 0) {
       const Term<value_type> first = value_at(0, rng);
       return base(first.value, first.work);
     }
-    const Quotients q(*this, rng);
-    value_type previous = q(level - 1);
-    value_type finer = q(level);
-    value_type value = scaled(finer, weights_[0]);
-    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) {
-      previous = std::move(finer);
-      finer = q(level + i);
-      value = sum(std::move(value), scaled(finer, weight(i)));
-      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
-    }
-    return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
+    return draw_of(level, rng);
   }
 
   /// I_level alone. Above last_level() see BeyondLast.
@@ -177,17 +170,14 @@ class FiniteDifference {
 
   /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares
   /// of the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;
-  /// infinite if that does not fall, or if the levels do not. Rounding: f within eps of f(x (1 + eps)), its
-  /// size measured at `at`.
+  /// infinite if that does not fall, or if the levels do not: those of the run or, of an f without noise, which
+  /// is evaluated once more, all of them. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     const double fall = rates.variance / 2;
     double truncation = 0;
     bool seen = false;
-    struct Moment {
-      std::int64_t level = 0;
-      double log_square = 0;
-      double variance = 0;  // of log_square
-    } first, deepest;
+    bool finite = true;
+    std::vector<Moment> moments;
     for (std::size_t i = 1; i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
       const LevelSums& row = levels.rows()[i];
       const auto level = static_cast<std::int64_t>(i);
@@ -195,23 +185,24 @@ class FiniteDifference {
       seen = true;
       const auto count = static_cast<double>(row.count);
       const double square = row.square / count;
+      finite = finite && std::isfinite(square);
       truncation =
           std::max(truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
       const double kurtosis = square > 0 ? row.fourth / count / square / square : 0;
       if (!(square > 0) || count < draws_per_kurtosis * kurtosis) continue;
-      deepest = {level, std::log(square), (kurtosis - 1) / count};
-      if (first.level == 0) first = deepest;
+      // Of equal differences the kurtosis is a rounding off 1.
+      moments.push_back({level, std::log(square), std::max(kurtosis - 1, 0.0) / count});
     }
-    const bool grows = deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
-    truncation =
-        seen && fall > 0 && !grows ? 2 * truncation / (1 - std::exp2(-fall)) : std::numeric_limits<double>::infinity();
+    const std::string doubt = doubt_of(moments);
+    truncation = seen && finite && fall > 0 && doubt.empty() ? 2 * truncation / (1 - std::exp2(-fall))
+                                                             : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
     std::ostringstream text;
     text << "finite differences end at level " << last_level_ << "; truncation " << truncation;
-    if (grows) {
-      text << ", since the differences grow (E D_k^2 = " << std::exp(first.log_square) << " at level " << first.level
-           << ", " << std::exp(deepest.log_square) << " at " << deepest.level
-           << "): f jumps, or has noise of its own, and common random numbers do not help";
+    if (!doubt.empty()) {
+      text << ", since " << doubt;
+    } else if (!finite) {
+      text << ", since the differences are not finite";
     } else {
       text << " if E D_k^2 falls like 2^(-" << rates.variance << " k)";
     }
@@ -220,14 +211,7 @@ class FiniteDifference {
   }
 
   /// How far rounding in f may move I_level.
-  [[nodiscard]] double rounding_error(std::int64_t level) const {
-    double amplified = 0;
-    for (int i = 0; i <= options_.extrapolations; ++i) {
-      const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
-      amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
-    }
-    return amplified * epsilon_of<value_type>() * size_;
-  }
+  [[nodiscard]] double rounding_error(std::int64_t level) const { return rounding_error(level, size_); }
 
   Rates rates;
 
@@ -236,7 +220,100 @@ class FiniteDifference {
   static constexpr std::uint64_t size_draws = 32;
   static constexpr double draws_per_kurtosis = 10;
   static constexpr std::int64_t last_stored_step = 1023;
+  static constexpr std::int64_t fewest_probed = 4;  // levels that show how differences fall
+  static constexpr double units_of_noise = 64;      // in the last place, that an f without noise may have
   static constexpr bool is_random = detail::RandomFunction<F>;
+
+  /// E D_k^2 of a level of a run.
+  struct Moment {
+    std::int64_t level;
+    double log_square;
+    double variance;  // of log_square
+  };
+
+  /// Why differences do not fall as they should; empty where they do, or nobody can tell.
+  [[nodiscard]] std::string doubt_of(const std::vector<Moment>& moments) const {
+    if constexpr (is_random) {
+      return doubt_of_draws(moments);
+    } else {
+      return doubt_of_function();
+    }
+  }
+
+  // Do the levels of a run grow from the first to the last one, or stay at the height of the highest one? A level that
+  // is higher than the last one, beyond doubt, shows that they fall: the first one may be small by accident.
+  [[nodiscard]] std::string doubt_of_draws(const std::vector<Moment>& moments) const {
+    if (moments.size() < 2) return {};
+    const Moment& first = moments.front();
+    const Moment& last = moments.back();
+    const Moment& highest = *std::max_element(moments.begin(), moments.end() - 1, [](const Moment& a, const Moment& b) {
+      return a.log_square < b.log_square;
+    });
+    const auto rise = [&last](const Moment& m) { return last.log_square - m.log_square; };
+    const auto error = [&last](const Moment& m) { return 2 * std::sqrt(m.variance + last.variance); };
+    // An eighth of the declared rate is nothing that a kink explains.
+    const double least_fall = std::min(rates.variance, 16.0) / 8 * std::log(2.0);
+    const bool grows = rise(first) > error(first) && !(-rise(highest) > error(highest));
+    const bool stays = rise(highest) > error(highest) - least_fall * static_cast<double>(last.level - highest.level);
+    if (!grows && !stays) return {};
+    const Moment& from = grows ? first : highest;
+    std::ostringstream text;
+    text << "the differences " << (grows ? "grow" : "do not fall") << " (E D_k^2 = " << std::exp(from.log_square)
+         << " at level " << from.level << ", " << std::exp(last.log_square) << " at " << last.level
+         << "): f jumps, or has noise of its own, and common random numbers do not help";
+    return text.str();
+  }
+
+  // How an f without noise falls is seen level by level, over the last levels on which it is above rounding.
+  [[nodiscard]] std::string doubt_of_function() const {
+    constexpr double share_of_rate = 0.75;
+    const Stream unused(0, 0);
+    std::vector<double> sizes(1);  // of D_k; 0 where it is rounding
+    std::int64_t last = 0;
+    for (std::int64_t k = 1; k <= probed_levels_; ++k) {
+      const auto draw = draw_of(k, unused);
+      const double size = std::abs(as_scalar(draw.difference));
+      const double here = std::abs(as_scalar(detail::evaluate(f_, at_ + step(k), unused)));
+      if (!std::isfinite(size) || !std::isfinite(here)) {
+        return "f is not finite at a distance of " + text_of(step(k));
+      }
+      const double noise = units_of_noise * (rounding_error(k, std::max(size_, here)) +
+                                             epsilon_of<value_type>() * std::abs(as_scalar(draw.value)));
+      sizes.push_back(size > noise ? size : 0);
+      if (size > noise) last = k;
+    }
+    if (last < 2) return {};
+    const auto largest = [&sizes](std::int64_t from, std::int64_t to) {  // the level of the largest in [from, to]
+      const auto begin = sizes.begin() + std::max<std::int64_t>(from, 1);
+      return std::max_element(begin, sizes.begin() + to + 1) - sizes.begin();
+    };
+    const std::int64_t span = std::min<std::int64_t>(last - 1, 3);
+    const std::int64_t late = largest(last - (span == 3 ? 1 : 0), last);
+    const std::int64_t early = largest(last - span - 2, last - span);
+    const double before = sizes[static_cast<std::size_t>(early)];
+    const double after = sizes[static_cast<std::size_t>(late)];
+    const double needed = share_of_rate * std::min(rates.variance / 2, 16.0) * static_cast<double>(late - early);
+    if (after * std::exp2(needed) <= before) return {};
+    return std::string("the differences ") + (after > before ? "grow" : "do not fall as declared") +
+           " (|D_k| = " + text_of(before) + " at level " + std::to_string(early) + ", " + text_of(after) + " at " +
+           std::to_string(late) + "): f jumps or bends there, or has a pole";
+  }
+
+  static std::string text_of(double x) {
+    std::ostringstream text;
+    text << x;
+    return text.str();
+  }
+
+  /// How far rounding of numbers of that size may move I_level.
+  [[nodiscard]] double rounding_error(std::int64_t level, double size) const {
+    double amplified = 0;
+    for (int i = 0; i <= options_.extrapolations; ++i) {
+      const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
+      amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
+    }
+    return amplified * epsilon_of<value_type>() * size;
+  }
 
   [[nodiscard]] bool is_central() const { return options_.kind == Difference::central; }
   [[nodiscard]] bool is_second() const { return options_.kind == Difference::second; }
@@ -302,6 +379,22 @@ class FiniteDifference {
     }
   }
 
+  // Both numbers of a level above 0, whether it is beyond the last one or not.
+  Draw<value_type> draw_of(std::int64_t level, const Stream& rng) const {
+    const Quotients q(*this, rng);
+    value_type previous = q(level - 1);
+    value_type finer = q(level);
+    value_type value = scaled(finer, weights_[0]);
+    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i) {
+      previous = std::move(finer);
+      finer = q(level + i);
+      value = sum(std::move(value), scaled(finer, weight(i)));
+      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
+    }
+    return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
+  }
+
   // Root mean squares over a few draws of a seed of their own: of what rounding is relative to, |f(at)| or
   // |at f'|, and of the change of f over the first step.
   void measure_size() {
@@ -312,8 +405,10 @@ class FiniteDifference {
       const Stream rng = split(Stream(0, i), Branch::pilot);
       const value_type f = detail::evaluate(f_, at_, rng);
       if (!is_random) here_ = f;
-      const double size = as_scalar(f);
-      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      const value_type up = detail::evaluate(f_, at_ + options_.first_step, rng);
+      double size = as_scalar(f);
+      double moved = as_scalar(debias::difference(value_type(up), f));
+      if (!is_random && !std::isfinite(size)) size = moved = as_scalar(up);  // a central quotient does without f(at)
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);
@@ -331,7 +426,8 @@ class FiniteDifference {
     const double meet = std::min(rates.variance / 2, 26.0) - power * std::log2(options_.ratio);
     if (!(meet > 0)) return std::numeric_limits<std::int64_t>::max();
     const double level = std::log2(first / rounding_error(0)) / meet;
-    return static_cast<std::int64_t>(std::clamp(level, 0.0, 4000.0));
+    if (!(level < 4000)) return 4000;  // a NaN, too: the first numbers of f are none
+    return level > 0 ? static_cast<std::int64_t>(level) : 0;
   }
 
   // A true quotient is correctly rounded: two levels that are equal in theory are then equal here. A product
@@ -365,6 +461,7 @@ class FiniteDifference {
   double size_ = 0;
   double change_ = 0;
   std::int64_t last_level_ = 0;
+  std::int64_t probed_levels_ = 0;
 };
 
 namespace detail {

@@ -13,6 +13,8 @@
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a law divides by p_k.
+// A NaN among the draws makes value and difference NaN, whatever g makes of it. Of a mean that is infinite I_k is what g
+// says (e^-inf = 0, 1 / inf = 0), and D_k is NaN where g has a gap.
 
 #include <array>
 #include <cmath>
@@ -57,6 +59,17 @@ template <class G, class M>
 concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
   requires Value<std::remove_cvref_t<decltype(g.at(level, m))>>;
   { g.gap(level, m, m) } -> std::same_as<std::remove_cvref_t<decltype(g.at(level, m))>>;
+};
+
+/// A function that knows its gap from the halves a = m + d and b = m - d as well: gap_of_halves(a, b), or
+/// gap_of_halves(level, a, b).
+template <class G, class M>
+concept KnowsHalves = requires(const G& g, const M& half) {
+  g.gap_of_halves(half, half);
+};
+template <class G, class M>
+concept LevelKnowsHalves = requires(const G& g, std::int64_t level, const M& half) {
+  g.gap_of_halves(level, half, half);
 };
 
 /// A function with batch forms (functions.hpp): values(m) in place, gaps(m, d) with the gap in d.
@@ -115,6 +128,7 @@ class Doubling {
  public:
   using value_type = decltype(detail::value_at(std::declval<const G&>(), 0, std::declval<const Mean&>()));
   static constexpr bool has_gap = OffersGap<G, Mean> || detail::LevelFunction<G, Mean>;
+  static constexpr bool difference_shows_all = has_gap;  // a gap of NaN is NaN
 
   Rates rates;
 
@@ -124,14 +138,14 @@ class Doubling {
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
     if (level == 0) return base(value_of_one_point(rng), work(0));
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), difference(sums, level), work(level)};
+    return {value_of_mean(mean(sums, level), level), difference(sums, level), work(level)};
   }
 
   /// I_level alone.
   Term<value_type> value_at(std::int64_t level, Stream& rng) const {
     if (level == 0) return {value_of_one_point(rng), work(0)};
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), work(level)};
+    return {value_of_mean(mean(sums, level), level), work(level)};
   }
 
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
@@ -289,7 +303,7 @@ class Doubling {
     if constexpr (detail::BatchedFunction<G>) {
       g_.values(means);
     } else {
-      for (double& x : means) x = detail::value_at(g_, level, x);
+      for (double& x : means) x = value_of_mean(x, level);
     }
   }
 
@@ -297,6 +311,14 @@ class Doubling {
   void gaps(std::int64_t level, Sums& sums, std::size_t members) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::BatchedFunction<G>) {
+      bool any = false;
+      if constexpr (detail::KnowsHalves<G, Mean>) {
+        for (std::size_t b = 0; b < members; ++b) any = any | lopsided(sums.even[b], sums.odd[b]);
+      }
+      if (any) [[unlikely]] {
+        for (std::size_t b = 0; b < members; ++b) sums.odd[b] = difference(Halves{sums.even[b], sums.odd[b]}, level);
+        return;
+      }
       for (std::size_t b = 0; b < members; ++b) {
         const double even = sums.even[b];
         sums.even[b] = (even + sums.odd[b]) * per_point;
@@ -309,7 +331,17 @@ class Doubling {
   }
 
   value_type value_of_one_point(Stream& rng) const {
-    return detail::value_at(g_, 0, scaled(points_.points(0, 0, rng)(), points_.scale));
+    return value_of_mean(scaled(points_.points(0, 0, rng)(), points_.scale), 0);
+  }
+
+  // A comparison in g, or a component that it does not use, would hide a NaN.
+  value_type value_of_mean(const Mean& m, std::int64_t level) const {
+    return or_nan(detail::value_at(g_, level, m), m);
+  }
+  static value_type or_nan(value_type value, const Mean& m) {
+    if (has_nan(m)) [[unlikely]]
+      return nan_like(std::move(value));
+    return value;
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
@@ -318,6 +350,16 @@ class Doubling {
 
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
+    if constexpr (RealValue<Mean>) {  // nearly all pairs of numbers: nothing is NaN, or lost beside the other
+      const double even = std::abs(static_cast<double>(sums.even));
+      const double odd = std::abs(static_cast<double>(sums.odd));
+      if (even >= 0x1p-26 * odd && odd >= 0x1p-26 * even) [[likely]]
+        return plain_difference(sums, level);
+    }
+    return careful_difference(sums, level);
+  }
+
+  value_type plain_difference(const Halves& sums, std::int64_t level) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelFunction<G, Mean>) {
       return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
@@ -327,6 +369,23 @@ class Doubling {
       const value_type even = g_(scaled(sums.even, 2 * per_point));
       const value_type odd = g_(scaled(sums.odd, 2 * per_point));
       return debias::difference(g_(mean(sums, level)), scaled(sum(even, odd), 0.5));
+    }
+  }
+
+  [[gnu::noinline]] value_type careful_difference(const Halves& sums, std::int64_t level) const {
+    const Mean m = mean(sums, level);
+    if constexpr (detail::KnowsHalves<G, Mean> || detail::LevelKnowsHalves<G, Mean>) {
+      if (lopsided(sums.even, sums.odd)) return or_nan(gap_of_halves(sums, level), m);
+    }
+    return or_nan(plain_difference(sums, level), m);
+  }
+
+  value_type gap_of_halves(const Halves& sums, std::int64_t level) const {
+    const double per_point = 2 * points_.scale * detail::share_of_draw(level);
+    if constexpr (detail::LevelKnowsHalves<G, Mean>) {
+      return g_.gap_of_halves(level, scaled(sums.even, per_point), scaled(sums.odd, per_point));
+    } else {
+      return g_.gap_of_halves(scaled(sums.even, per_point), scaled(sums.odd, per_point));
     }
   }
 
@@ -367,7 +426,7 @@ struct IntegralOptions {
 
 namespace detail {
 inline void check_interval(const char* name, double from, double to) {
-  if (std::isfinite(from) && std::isfinite(to)) return;
+  if (std::isfinite(to - from)) return;
   throw std::invalid_argument(std::string(name) + ": the interval is not finite; substitute the variable");
 }
 }  // namespace detail

@@ -112,11 +112,22 @@ double radius_below(const char* name, const A& a, double limit, const char* advi
   return radius;
 }
 
+/// Vectors of a system: a walk would meet a component that is not finite in few samples only.
+inline void check_finite(const char* name, const char* what, const Eigen::VectorXd& v) {
+  for (Eigen::Index i = 0; i < v.size(); ++i) {
+    if (!std::isfinite(v[i])) {
+      refuse_operator(
+          name, std::string(what) + "[" + std::to_string(i) + "] = " + std::to_string(v[i]) + " (must be finite)");
+    }
+  }
+}
+
 constexpr const char* precondition = "the series diverges: precondition, or scale the system";
 
 template <LinearOperator A, class Read>
 auto powers(A a, Eigen::VectorXd b, Read read) {
   check_square("neumann", a, b.size());
+  check_finite("neumann", "b", b);
   const Rates rates = geometric_terms(radius_below("neumann", a, 1, precondition));
   const auto matrix = std::make_shared<const A>(std::move(a));
   const auto start = [first = std::make_shared<const Eigen::VectorXd>(std::move(b))](Stream&) { return *first; };
@@ -127,17 +138,18 @@ auto powers(A a, Eigen::VectorXd b, Read read) {
 }  // namespace detail
 
 /// The solution x of x = A x + b, all components.
-/// Throws std::invalid_argument for sizes that do not fit, and when A^k b does not fall.
+/// Throws std::invalid_argument for sizes that do not fit, vectors that are not finite, and when A^k b does not fall.
 template <LinearOperator A>
 auto neumann(A a, Eigen::VectorXd b) {
   return detail::powers(std::move(a), std::move(b), [](const Eigen::VectorXd& x) { return x; });
 }
 
 /// The functional <c, x> of the solution of x = A x + b.
-/// Throws std::invalid_argument for sizes that do not fit, and when A^k b does not fall.
+/// Throws std::invalid_argument for sizes that do not fit, vectors that are not finite, and when A^k b does not fall.
 template <LinearOperator A>
 auto neumann(A a, Eigen::VectorXd b, Eigen::VectorXd c) {
   detail::check_square("neumann", a, c.size());
+  detail::check_finite("neumann", "c", c);
   const auto functional = std::make_shared<const Eigen::VectorXd>(std::move(c));
   return detail::powers(std::move(a), std::move(b),
                         [functional](const Eigen::VectorXd& x) { return functional->dot(x); });
@@ -204,12 +216,14 @@ class WalkMatrix {
 
 /// The functional <c, x> of the solution of x = A x + b by the random walk of Ulam and von Neumann: it starts
 /// at i with probability |c_i| / |c|_1 and leaves i for j with p_ij = |a_ij| / sum_j |a_ij|.
-/// Throws std::invalid_argument for sizes that do not fit, c = 0, and when no law has a finite variance: when
+/// Throws std::invalid_argument for sizes that do not fit, b or c that are not finite, c = 0, and when no law has a finite variance: when
 /// the spectral radius of a_ij^2 / p_ij is not below 1.
 template <LinearOperator A>
 requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
   detail::check_square("neumann_walk", a, b.size());
   detail::check_square("neumann_walk", a, c.size());
+  detail::check_finite("neumann_walk", "b", b);
+  detail::check_finite("neumann_walk", "c", c);
   struct State {
     Eigen::Index at;
     double weight;

@@ -31,7 +31,8 @@
 
 namespace debias {
 
-/// Where a photon arrived, seen from the point: `power` is what all photons together carry.
+/// Where a photon arrived, seen from the point: `power` is what all photons together carry. A photon that arrives
+/// nowhere has an infinite distance; powers of either sign are averaged as they are, others are refused.
 struct Photon {
   double distance2;
   double power;
@@ -44,14 +45,29 @@ concept PhotonSource = requires(const S& s, Stream& rng) {
 
 enum class Kernel { disc, cone, epanechnikov };
 
+namespace detail {
+[[noreturn]] inline void refuse_photon(double distance2, double power) {
+  throw std::domain_error("photon: distance2 = " + std::to_string(distance2) + ", power = " + std::to_string(power) +
+                          " (must be at least 0, and finite); an infinite distance is a photon that arrives nowhere");
+}
+/// A power that is not finite is refused, wherever its photon arrived.
+inline void require_power(const Photon& p) {
+  if (!std::isfinite(p.power)) [[unlikely]]
+    refuse_photon(p.distance2, p.power);
+}
+}  // namespace detail
+
 /// K(d) of one radius, per area; 0 from the radius on.
 class RadialKernel {
  public:
   RadialKernel(Kernel kernel, double radius2)
       : kernel_(kernel), inverse_(1 / radius2), height_(inverse_ / std::numbers::pi) {}
+  /// Throws std::domain_error for a squared distance that is negative or no number.
   double operator()(double distance2) const {
     const double share = distance2 * inverse_;
-    if (!(share < 1)) return 0;
+    if (share >= 1) return 0;
+    if (!(share >= 0)) [[unlikely]]
+      detail::refuse_photon(distance2, 1);
     switch (kernel_) {
       case Kernel::disc:
         return height_;
@@ -210,7 +226,8 @@ class PhotonLevels {
     double differences = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
-      if (!(p.distance2 < largest)) continue;
+      detail::require_power(p);
+      if (p.distance2 >= largest) continue;  // the kernels refuse a NaN
       values += p.power * base(p.distance2);
       differences += p.power * (fine(p.distance2) - coarse(p.distance2));
     }
@@ -255,6 +272,7 @@ class ProgressivePhotons {
     double sum = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
+      detail::require_power(p);
       sum += p.power * kernel(p.distance2);
     }
     const auto count = static_cast<double>(n);

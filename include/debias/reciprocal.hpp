@@ -14,11 +14,14 @@
 // Doubling: D_k = -d^2 / (m (m - d) (m + d)), m = mean, d = half the difference of the halves. Where X has a
 // positive density at 0, the q-th moment of I_k is finite only for 2^k > q: start at base_level_for_pole(1).
 // Where X is zero with probability p, I_k is infinite with probability p^(2^k), unless it is clamped.
+// Throw for a draw outside: clamped (a negative mean), trials, residual (below 0 or above M). Series and product take any
+// X for which they converge. A NaN stays one; infinite means have the reciprocal 0, and differences that are NaN.
 // Sources: Blanchet & Glynn, WSC 2015; Misso et al. 2022 (combs, clamp); Booth 2007; Zeltner et al. 2020
 // (trials); Moka, Kroese & Juneja 2019 (product).
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -59,7 +62,10 @@ struct ClampedReciprocal {
                                 " (must be positive and finite, small against E X)");
   }
 
+  /// Throws std::domain_error for a negative mean: of draws that are at least 0 there is none, and the clamp would hide it.
   double at(std::int64_t level, double m) const {
+    if (m < 0) [[unlikely]]
+      refuse(level, m);
     const double least = floor(level);
     return 1 / (m < least ? least : m);  // a NaN gets through, as it would not through fmax
   }
@@ -69,8 +75,18 @@ struct ClampedReciprocal {
     if (m - std::abs(d) >= floor(level - 1)) return functions::Reciprocal{}.gap(m, d);
     return at(level, m) - 0.5 * (at(level - 1, m + d) + at(level - 1, m - d));
   }
+  /// The same from the halves themselves.
+  double gap_of_halves(std::int64_t level, double a, double b) const {
+    const double least = floor(level - 1);
+    if (a >= least && b >= least) return functions::Reciprocal{}.gap_of_halves(a, b);
+    return at(level, a / 2 + b / 2) - 0.5 * (at(level - 1, a) + at(level - 1, b));
+  }
 
  private:
+  [[noreturn]] static void refuse(std::int64_t level, double m) {
+    throw std::domain_error("clamped_reciprocal: a mean of " + std::to_string(m) + " at level " +
+                            std::to_string(level) + " (X must be at least 0); reciprocal takes X of one sign, either");
+  }
   [[nodiscard]] double floor(std::int64_t level) const {
     return scale * detail::share_of_draw(level < 1000 ? level + 1 : 1000);
   }
@@ -141,7 +157,8 @@ ReciprocalTrials<X> reciprocal_trials(X x, double majorant) {
 template <RandomVariable X>
 class ReciprocalProduct {
  public:
-  /// Throws std::invalid_argument unless w != 0 is finite and survival lies in (0, 1).
+  /// Throws std::invalid_argument unless w != 0 is finite and survival lies in (0, 1); samples throw std::domain_error
+  /// for a draw that is NaN.
   ReciprocalProduct(X x, double w, double survival) : x_(std::move(x)), w_(w), survival_(survival) {
     if (w == 0 || !std::isfinite(w)) {
       throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (must be finite and not 0)");
@@ -155,17 +172,37 @@ class ReciprocalProduct {
   Sample<double> operator()(Stream& rng) const {
     double value = w_ / (1 - survival_);
     std::int64_t draws = 0;
-    for (; rng.uniform() < survival_; ++draws) value *= (1 - w_ * x_(rng)) / survival_;
+    for (; rng.uniform() < survival_; ++draws) {
+      const double x = x_(rng);
+      if (!(x >= least_ && x <= largest_)) [[unlikely]]
+        refuse(x);
+      value *= (1 - w_ * x) / survival_;
+    }
     return {value, 1 + static_cast<double>(draws) * detail::work_of(x_), draws};
   }
   [[nodiscard]] std::string describe() const {
     return "reciprocal_product, w " + std::to_string(w_) + ", survival " + std::to_string(survival_);
   }
 
+  /// The same, for draws in [least, largest] only.
+  [[nodiscard]] ReciprocalProduct bounded(double least, double largest) && {
+    least_ = least;
+    largest_ = largest;
+    return std::move(*this);
+  }
+
  private:
+  [[noreturn]] void refuse(double x) const {
+    throw std::domain_error("reciprocal_product: X = " + std::to_string(x) + " (must lie in [" +
+                            std::to_string(least_) + ", " + std::to_string(largest_) +
+                            "]); reciprocal_residual needs a majorant of X");
+  }
+
   X x_;
   double w_;
   double survival_;
+  double least_ = -std::numeric_limits<double>::infinity();
+  double largest_ = std::numeric_limits<double>::infinity();
 };
 
 /// The product with the survival sqrt(E (1 - w X)^2) that is best for variance x work, from a pilot run of X.
@@ -185,16 +222,17 @@ ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
 
 /// 1 / E X from bounds m <= X <= M, 0 < m < M: the product with w = 1 / M and survival 1 - m / M, whose
 /// factors lie in [0, 1]. An m above the minimum of X stays unbiased, of finite variance while E (M - X)^2 <
-/// M (M - m). Throws std::invalid_argument unless 0 < minimum < majorant.
+/// M (M - m). Throws std::invalid_argument unless 0 < minimum < majorant, both finite; samples throw std::domain_error for
+/// a draw outside [0, majorant], of which the product may grow without end.
 template <RandomVariable X>
 ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
-  if (!(minimum > 0 && minimum < majorant)) {
+  if (!(minimum > 0 && minimum < majorant && std::isfinite(majorant))) {
     throw std::invalid_argument("reciprocal_residual: minimum = " + std::to_string(minimum) +
                                 ", majorant = " + std::to_string(majorant) +
                                 " (must be 0 < minimum < majorant); without a positive "
                                 "minimum take reciprocal_trials");
   }
-  return {std::move(x), 1 / majorant, 1 - minimum / majorant};
+  return ReciprocalProduct<X>(std::move(x), 1 / majorant, 1 - minimum / majorant).bounded(0, majorant);
 }
 
 }  // namespace debias

@@ -11,7 +11,7 @@
 // behind a barrier (declare it), 2^-k under euler, where no law has finite variance and finite work. With
 // additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
 // Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
-// above.
+// above. A path that leaves the finite numbers makes its sample NaN, whatever the payoff makes of it.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>
@@ -109,12 +109,31 @@ namespace detail {
 template <class M>
 using state_of = std::remove_cvref_t<decltype(std::declval<const M&>().start)>;
 
-template <class F, class Summary, class State>
-decltype(auto) pay(const F& payoff, const Summary& summary, const State& end) {
-  if constexpr (std::same_as<Summary, EndOnly>) {
-    return payoff(end);
+/// A state of a model, number or vector. What is not finite stays so from step to step: looking at the end is enough.
+template <class State>
+bool is_finite_state(const State& x) {
+  if constexpr (std::is_arithmetic_v<State>) {
+    return std::isfinite(static_cast<double>(x));
   } else {
-    return payoff(summary);
+    return x.allFinite();
+  }
+}
+
+/// The payoff; NaN where the path has seen numbers that are none, which a comparison in the payoff would hide.
+template <class F, class Summary, class State>
+auto pay(const F& payoff, const Summary& summary, const State& end) {
+  bool finite = is_finite_state(end);
+  if constexpr (requires {
+                  { summary.finite() } -> std::same_as<bool>;
+                }) {
+    finite = finite && summary.finite();
+  }
+  if constexpr (std::same_as<Summary, EndOnly>) {
+    std::remove_cvref_t<decltype(payoff(end))> value = payoff(end);
+    return finite ? value : nan_like(std::move(value));
+  } else {
+    std::remove_cvref_t<decltype(payoff(summary))> value = payoff(summary);
+    return finite ? value : nan_like(std::move(value));
   }
 }
 

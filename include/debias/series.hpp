@@ -306,19 +306,32 @@ class PathSeries {
   /// Yields the terms in order; the series has to outlive it.
   class Cursor {
    public:
-    Cursor(const PathSeries& path, const Stream& rng) : path_(&path), rng_(rng), state_(path.start_(rng_)) {}
+    Cursor(const PathSeries& path, const Stream& rng) : path_(&path), rng_(rng), state_(path.start_(rng_)) { look(); }
 
     Term<value_type> operator()() {
-      if (!first_) state_ = path_->advance_(std::move(state_), rng_);
+      if (!first_) {
+        state_ = path_->advance_(std::move(state_), rng_);
+        look();
+      }
       first_ = false;
-      return {path_->read_(std::as_const(state_))};
+      value_type term = path_->read_(std::as_const(state_));
+      return {finite_ ? std::move(term) : nan_like(std::move(term))};
     }
 
    private:
+    // A state that is a Value and not finite spoils all that follows, whatever `advance` or `read` make of it.
+    void look() {
+      if constexpr (Value<State>) {
+        if (!is_finite(state_)) [[unlikely]]
+          finite_ = false;
+      }
+    }
+
     const PathSeries* path_;
     Stream rng_;
     State state_;
     bool first_ = true;
+    bool finite_ = true;
   };
 
   Cursor operator()(const Stream& rng) const { return {*this, rng}; }
@@ -332,7 +345,8 @@ class PathSeries {
 };
 
 /// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1
-/// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
+/// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path. Terms from a state on that is a
+/// Value and not finite are NaN.
 template <class Start, class Advance, class Read>
 PathSeries<Start, Advance, Read> path_series(Start start, Advance advance, Read read, const Rates& rates) {
   return {std::move(start), std::move(advance), std::move(read), rates};

@@ -155,6 +155,28 @@ template <class S>
 concept BatchesLevels = std::same_as < sequence_value_t<S>,
 double > &&(BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
 
+/// A sequence that says that its differences are not finite wherever its values are not: then those that nobody needs
+/// are not computed.
+template <class S>
+concept ShowsInDifference = requires {
+  requires S::difference_shows_all;
+};
+
+namespace detail {
+/// Half a draw that is not finite spoils the other half: what a callable returned must not depend on which of them is
+/// asked for. Throws std::invalid_argument where a draw of level 0 has another difference than its value.
+template <BiasedSequence S>
+[[gnu::always_inline]] inline Draw<sequence_value_t<S>> whole_draw(const S& s, std::int64_t level, Stream& rng) {
+  Draw<sequence_value_t<S>> draw = s(level, rng);
+  if (level == 0) check_level_zero(draw.value, draw.difference);
+  if constexpr (!ShowsInDifference<S>) {
+    if (!is_finite(draw.value)) [[unlikely]]
+      draw.difference = nan_like(std::move(draw.difference));
+  }
+  return draw;
+}
+}  // namespace detail
+
 /// I_level alone, by the cheapest way that the sequence offers. Throws, like difference_of, std::invalid_argument where a
 /// draw of level 0 has another difference than its value.
 template <BiasedSequence S>
@@ -164,18 +186,19 @@ Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) 
   } else {
     auto draw = s(level, rng);
     if (level == 0) detail::check_level_zero(draw.value, draw.difference);
+    if (!is_finite(draw.difference)) [[unlikely]]
+      draw.value = nan_like(std::move(draw.value));
     return {std::move(draw.value), draw.work};
   }
 }
 
-/// D_level alone, by the cheapest way that the sequence offers.
+/// D_level alone, likewise.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersDifferenceAt<S>) {
     return s.difference_at(level, rng);
   } else {
-    auto draw = s(level, rng);
-    if (level == 0) detail::check_level_zero(draw.value, draw.difference);
+    auto draw = detail::whole_draw(s, level, rng);
     return {std::move(draw.difference), draw.work};
   }
 }
@@ -207,6 +230,9 @@ class LevelsOf {
       partial = sum(std::move(partial), term.value);
       work += term.work;
     }
+    // A term before the last one that is no number spoils the difference, too: the path is one draw.
+    if (!is_finite(partial)) [[unlikely]]
+      term.value = nan_like(std::move(term.value));
     return {std::move(partial), std::move(term.value), work};
   }
 

@@ -102,13 +102,17 @@ class PartialDerivatives {
   /// On the norm of the error: as if each axis had the differences of all.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     double squares = 0;
-    std::string sentence;
-    for (const Partial& p : partials_) {
-      BiasBound bound = p.bias_bound(levels);
+    BiasBound largest;
+    std::size_t axis = 0;
+    for (std::size_t i = 0; i < partials_.size(); ++i) {
+      BiasBound bound = partials_[i].bias_bound(levels);
       squares += bound.size * bound.size;
-      sentence = std::move(bound.sentence);
+      if (i > 0 && bound.size <= largest.size) continue;
+      largest = std::move(bound);
+      axis = i;
     }
-    return {std::sqrt(squares), "norm over the axes; the last: " + sentence};
+    return {std::sqrt(squares),
+            "norm over the axes; the largest, of axis " + std::to_string(axis) + ": " + largest.sentence};
   }
 
   Rates rates;

@@ -72,8 +72,7 @@ template <BiasedSequence S, Record R>
     record.difference(level, as_scalar(term.value), term.work);
     return term;
   } else if constexpr (GivesValues<S>) {
-    auto draw = sequence(level, rng);
-    if (level == 0) check_level_zero(draw.value, draw.difference);
+    auto draw = whole_draw(sequence, level, rng);
     record.difference(level, as_scalar(draw.difference), draw.work);
     record_pair(record, level, draw.value, draw.difference);
     return {std::move(draw.difference), draw.work};

@@ -10,11 +10,13 @@
 // nu_k = ||I - I_(k-1)||^2 - ||I - I_k||^2), finite work needs it to be summable against the work of a term.
 // Instead of a law a policy may decide from term to term: IndexRoulette before a term is drawn, RunningWeight
 // after, by its size. With a base level they make a deterministic prefix ("CMF") [Georgiev et al. 2019].
+// A probability that is negative or not finite throws std::domain_error; one above 1 keeps the term as 1 does.
 
 #include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -151,7 +153,8 @@ class RunningWeight {
                                 " (must be positive and finite: the size of the first term, say)");
   }
   double operator()(std::int64_t /*level*/, double size) const {
-    return size > 0 ? std::min(1.0, size * inverse_) : 0.5;
+    if (size > 0) return std::min(1.0, size * inverse_);
+    return size == 0 ? 0.5 : std::numeric_limits<double>::quiet_NaN();  // no size: PolicyRoulette throws
   }
   [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference_); }
 
@@ -195,7 +198,7 @@ class PolicyRoulette {
     double weight = 1;
     for (std::int64_t level = base_level_ + 1; level - base_level_ <= most_terms; ++level) {
       if constexpr (!LatePolicy<C>) {
-        if (!keep(policy_(level), decisions, weight)) return sample;
+        if (!keep(policy_(level), level, decisions, weight)) return sample;
       }
       term = cursor();
       const double size = as_scalar(term.value);
@@ -209,7 +212,9 @@ class PolicyRoulette {
           if (size == 0 && cursor.ended()) return sample;
         }
         // What is not finite must reach the mean, and has no probability.
-        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
+        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), level, decisions, weight)) {
+          return sample;
+        }
       }
       sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
@@ -230,11 +235,19 @@ class PolicyRoulette {
   static constexpr std::int64_t most_terms = 1'000'000'000;
 
   // Plays for one term, and divides the weight by the probability of going on.
-  static bool keep(double probability, Stream& decisions, double& weight) {
+  static bool keep(double probability, std::int64_t level, Stream& decisions, double& weight) {
+    if (!(probability >= 0 && probability <= std::numeric_limits<double>::max())) [[unlikely]]
+      refuse(probability, level);
     if (probability >= 1) return true;
     if (!(decisions.uniform() < probability)) return false;
     weight /= probability;
     return true;
+  }
+
+  [[noreturn]] static void refuse(double probability, std::int64_t level) {
+    throw std::domain_error("roulette: the policy keeps the term of level " + std::to_string(level) +
+                            " with probability " + std::to_string(probability) +
+                            " (must lie in [0, 1]; 0 ends the sum)");
   }
 
   S terms_;

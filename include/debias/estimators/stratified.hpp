@@ -202,6 +202,7 @@ class Stratified {
     double residual = rest_tail_;
     for (std::int64_t j = levels; j-- > 0;) {
       const double expected = n * estimator_.law().mass(j);
+      if (!(expected >= 0 && expected <= 2 * n)) refuse_mass(j, expected / n);
       const double whole = std::floor(expected);
       residual += expected - whole;
       copies_[static_cast<std::size_t>(j)] = {first + j, static_cast<std::int64_t>(whole), residual};
@@ -213,6 +214,11 @@ class Stratified {
                                 " (its tail is not below 1 / " + std::to_string(block_) + " within " +
                                 std::to_string(most_copied_levels) +
                                 " levels: too slow, or no law); take Strata::systematic");
+  }
+
+  [[noreturn]] static void refuse_mass(std::int64_t j, double mass) {
+    throw std::invalid_argument("stratified: the law has the mass " + std::to_string(mass) + " at " +
+                                std::to_string(j) + " (must lie in [0, 1])");
   }
 
   [[nodiscard]] std::int64_t residual_level(double u) const {

@@ -220,7 +220,7 @@ class TaylorSum {
   void add_terms(std::span<const double> x, double centre, std::size_t left_out, const Work& work,
                  std::span<double> terms) const {
     auto series = g_.expand(centre);
-    const double inverse_scale = 1 / series.scale;
+    const double inverse_scale = detail::inverse_of_scale(series.scale, centre);
     std::size_t n = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       if (i != left_out) work.factors[n++] = (x[i] - centre) * inverse_scale;
@@ -270,6 +270,7 @@ TaylorSum<X, G, double, P> taylor_sum(X x, G g, double at, P law, const TaylorSu
 /// Throws std::invalid_argument where the terms do not fall, or the law has infinite variance or work.
 template <RandomVariable X, Expandable G, Pmf P>
 TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, const TaylorSumOptions& options = {}) {
+  detail::require_mean_square(centre);
   const double b = detail::decay(g, centre);
   detail::require_decay(b);
   if constexpr (DescribedPmf<P>) detail::require_survival(b, law.tail_exponent());

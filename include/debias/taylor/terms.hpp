@@ -133,9 +133,24 @@ V constant(double c) {
   return v;
 }
 
+/// What a series of yours says of itself: a scale of infinity would make all factors zero.
+inline double inverse_of_scale(double scale, double at) {
+  const double inverse = 1 / scale;
+  if (std::isfinite(scale) && std::isfinite(inverse)) return inverse;
+  throw std::domain_error("taylor: the scale of the series at " + std::to_string(at) + " is " + std::to_string(scale) +
+                          " (must be finite and not 0)");
+}
+
+/// A mean square is at least 0, whatever the radius.
+inline void require_mean_square(const Centre& c) {
+  if (c.mean_square >= 0 && std::isfinite(c.mean_square)) return;
+  throw std::invalid_argument("taylor: Centre{" + std::to_string(c.at) +
+                              ", mean_square = " + std::to_string(c.mean_square) + "} (must be at least 0 and finite)");
+}
+
 /// Checks b < survival ratio < 1 as far as b is known.
 inline void require_decay(double b) {
-  if (b < 1) return;
+  if (b >= 0 && b < 1) return;
   throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + std::to_string(b) +
                               " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
                               "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
@@ -159,7 +174,8 @@ class Taylor {
   static_assert(detail::Separable<value_type>, "X must be real, or an array of fixed size");
 
   /// Throws std::invalid_argument where g has no series at `at`, or X no fixed number of components.
-  Taylor(X x, const G& g, double at) : x_(std::move(x)), series_(g.expand(at)), at_(at) {
+  Taylor(X x, const G& g, double at)
+      : x_(std::move(x)), series_(g.expand(at)), at_(at), inverse_scale_(detail::inverse_of_scale(series_.scale, at)) {
     if (component_count(value_type{}) == 0) {
       throw std::invalid_argument("taylor: X has no fixed number of components (use an array of fixed size)");
     }
@@ -171,7 +187,7 @@ class Taylor {
 
    public:
     Cursor(const Taylor& taylor, Stream& rng)
-        : taylor_(&taylor), rng_(&rng), series_(taylor.series_), inverse_scale_(1 / taylor.series_.scale) {}
+        : taylor_(&taylor), rng_(&rng), series_(taylor.series_), inverse_scale_(taylor.inverse_scale_) {}
 
     Term<value_type> operator()() {
       if (at_start_) {
@@ -207,11 +223,13 @@ class Taylor {
     auto series = series_;
     double c = series();
     value_type power = detail::constant<value_type>(1);
-    const double inverse_scale = 1 / series_.scale;
+    double of_all = 0;  // stays 0 while coefficients are finite, those of the terms before, too
     for (std::int64_t k = 0; k < level; ++k) {
-      multiply(power, value_type(x_(rng)), inverse_scale);
+      of_all += 0 * c;
+      multiply(power, value_type(x_(rng)), inverse_scale_);
       c = series();
     }
+    if (of_all != 0) c = of_all;
     return {scaled(std::move(power), c), 1 + static_cast<double>(level) * detail::work_of(x_)};
   }
 
@@ -240,6 +258,7 @@ class Taylor {
   X x_;
   decltype(std::declval<const G&>().expand(0.0)) series_;
   double at_;
+  double inverse_scale_;
 };
 
 /// The same about a centre that is known to be good: it declares its rates, and refuses a law that does not
@@ -250,6 +269,7 @@ class RatedTaylor : public Taylor<X, G> {
   /// Throws std::invalid_argument where the squares of the terms do not fall.
   RatedTaylor(X x, const G& g, const Centre& c)
       : Taylor<X, G>(std::move(x), g, c.at), rates{-std::log2(detail::decay(g, c)), 0}, decay_(detail::decay(g, c)) {
+    detail::require_mean_square(c);
     detail::require_decay(decay_);
   }
   /// Throws std::invalid_argument for a law with infinite variance or work.
