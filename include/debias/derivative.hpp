@@ -33,6 +33,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -78,7 +79,7 @@ namespace detail {
 template <ParameterFunction F>
 auto evaluate(const F& f, double x, const Stream& rng) {
   if constexpr (RandomFunction<F>) {
-    Stream common = rng;
+    Stream common(rng);
     return f(x, common);
   } else {
     return f(x);
@@ -388,10 +389,25 @@ FiniteDifference<F> finite_difference(F f, double at, const DifferenceOptions& o
   return {std::move(f), at, options, rates};
 }
 
+template <class F>
+requires(!ParameterFunction<F>) auto finite_difference(const F& /*f*/, double /*at*/,
+                                                       const DifferenceOptions& /*options*/ = {},
+                                                       const Rates& /*rates*/ = {}) {
+  return detail::refuse<
+      detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const double&>(), F>();
+}
+
+namespace detail {
+template <class F>
+concept ComplexFunction = std::invocable < const F&,
+        const std::complex<double>
+& > || std::invocable<const F&, const std::complex<double>&, Stream&>;
+}  // namespace detail
+
 /// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
 /// bias or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
 /// real parts and `<` only must not lose the imaginary part: no abs, no max.
-template <class F>
+template <detail::ComplexFunction F>
 auto complex_step(F f, double at) {
   constexpr double h = 0x1p-300;
   return [f = std::move(f), point = std::complex<double>(at, h)](Stream& rng) -> double {
@@ -401,6 +417,15 @@ auto complex_step(F f, double at) {
       return f(point).imag() / h;
     }
   };
+}
+
+template <class F>
+requires(!detail::ComplexFunction<F>) auto complex_step(const F& /*f*/, double /*at*/) {
+  using Z = const std::complex<double>&;
+  return detail::refuse<detail::first_of(
+                            detail::mistake_in_call<F, Z, Stream&>(),
+                            detail::first_of(detail::mistake_in_call<F, Z>(), detail::Mistake::no_complex_function)),
+                        F>();
 }
 
 }  // namespace debias

@@ -29,6 +29,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -355,6 +356,11 @@ template <RandomVariable X, class G>
 auto function_of_mean(X x, G g, const Rates& rates = {2, 1}) {
   using P = detail::IndependentPoints<X>;
   return Doubling<P, G>(P{std::move(x)}, std::move(g), rates);
+}
+
+template <class X, class G>
+requires(!RandomVariable<X>) auto function_of_mean(const X& /*x*/, const G& /*g*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
 }
 
 struct IntegralOptions {

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
@@ -74,6 +75,11 @@ struct Recipe {
   RecipeOptions options;
 };
 
+namespace detail {
+template <class S>
+inline constexpr bool is_recipe<Recipe<S>> = true;
+}  // namespace detail
+
 template <BiasedSequence S>
 Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
   return {std::move(sequence), options};
@@ -113,6 +119,11 @@ RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& 
   auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
   detail::follow(result, advice, plan.goal);
   return {std::move(result), std::move(advice)};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto recipe(const S& /*sequence*/, const RecipeOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

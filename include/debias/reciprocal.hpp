@@ -25,6 +25,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
@@ -195,6 +196,33 @@ ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
                                 "minimum take reciprocal_trials");
   }
   return {std::move(x), 1 / majorant, 1 - minimum / majorant};
+}
+
+// What is no random variable.
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal(const X& /*x*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto clamped_reciprocal(const X& /*x*/, double /*scale*/ = 1,
+                                                     const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X, class A>
+requires(!RandomVariable<X>) auto reciprocal_series(const X& /*x*/, const A& /*a*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal_trials(const X& /*x*/, double /*majorant*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X, class Pilot>
+requires(!RandomVariable<X>) auto reciprocal_product(const X& /*x*/, double /*w*/, const Pilot& /*pilot*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal_residual(const X& /*x*/, double /*minimum*/, double /*majorant*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
 }
 
 }  // namespace debias

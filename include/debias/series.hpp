@@ -24,6 +24,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -142,6 +143,12 @@ Series<T> series(T term) {
 template <SeriesTerm T>
 RatedSeries<T> series(T term, const Rates& rates) {
   return {std::move(term), rates};
+}
+
+template <class T>
+requires(!SeriesTerm<T>) auto series(const T& /*term*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<
+      detail::mistake_in_parameter_function<T, detail::Mistake::no_series_term, const std::int64_t&>(), T>();
 }
 
 /// Terms that fall like ratio^k: E a_k^2 ~ 2^(-beta k) with beta = -2 log2|ratio|.
@@ -279,6 +286,26 @@ Blocks<T> blocks(const RatedSeries<T>& s) {
   return {s, Rates{s.rates.variance - 2, 1}};
 }
 
+namespace detail {
+template <class Start, class Advance, class Read>
+concept PathParts = std::invocable<const Start&, Stream&> &&
+    requires(const Advance& advance, const Read& read, Stream& rng, result_t<Start, Stream&> state) {
+  state = advance(std::move(state), rng);
+  requires Value<std::remove_cvref_t<decltype(read(std::as_const(state)))>>;
+};
+template <class Start, class Advance, class Read>
+constexpr Mistake mistake_in_path() {
+  constexpr Mistake start = mistake_in_call<Start, Stream&>();
+  if constexpr (start == Mistake::none) {
+    using State = result_t<Start, Stream&>;
+    constexpr Mistake advance = mistake_in_call<Advance, State, Stream&>();
+    return first_of(advance, first_of(mistake_in_function<Read, const State&>(), Mistake::no_path));
+  } else {
+    return first_of(start, Mistake::no_path);
+  }
+}
+}  // namespace detail
+
 /// The terms of a series along one path: term k is read off the state that `start` gives and `advance` has
 /// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth
 /// k adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the
@@ -324,8 +351,17 @@ class PathSeries {
 /// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1
 /// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
 template <class Start, class Advance, class Read>
-PathSeries<Start, Advance, Read> path_series(Start start, Advance advance, Read read, const Rates& rates) {
+requires detail::PathParts<Start, Advance, Read> PathSeries<Start, Advance, Read> path_series(Start start,
+                                                                                              Advance advance,
+                                                                                              Read read,
+                                                                                              const Rates& rates) {
   return {std::move(start), std::move(advance), std::move(read), rates};
+}
+
+template <class Start, class Advance, class Read>
+requires(!detail::PathParts<Start, Advance, Read>) auto path_series(const Start& /*start*/, const Advance& /*advance*/,
+                                                                    const Read& /*read*/, const Rates& /*rates*/) {
+  return detail::refuse<detail::mistake_in_path<Start, Advance, Read>(), Start, Advance, Read>();
 }
 
 }  // namespace debias

@@ -20,6 +20,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -89,12 +90,34 @@ class SteadyState {
   F f_;
 };
 
+namespace detail {
+template <class Step, class Start, class F>
+concept ChainParts = std::invocable<const Step&, Start, Stream&> && MarkovStep<Step, state_t<Step, Start>> &&
+    Observable<F, state_t<Step, Start>>;
+template <class Step, class Start, class F>
+constexpr Mistake mistake_in_chain() {
+  constexpr Mistake step = mistake_in_call<Step, Start, Stream&>();
+  if constexpr (step == Mistake::none) {
+    return first_of(mistake_in_function<F, const state_t<Step, Start>&>(), Mistake::no_markov_step);
+  } else {
+    return first_of(step, Mistake::no_markov_step);
+  }
+}
+}  // namespace detail
+
 /// E f(X) for X in the steady state of the chain:
 /// `steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0, f, contraction(0.5))`.
 template <class Step, class Start, class F>
+requires detail::ChainParts<Step, Start, F>
 auto steady_state(Step step, Start start, F f, const Rates& rates) {
   using State = detail::state_t<Step, Start>;
   return SteadyState<State, Step, F>(std::move(step), State(std::move(start)), std::move(f), rates);
+}
+
+template <class Step, class Start, class F>
+requires(!detail::ChainParts<Step, Start, F>) auto steady_state(const Step& /*step*/, const Start& /*start*/,
+                                                                const F& /*f*/, const Rates& /*rates*/) {
+  return detail::refuse<detail::mistake_in_chain<Step, Start, F>(), Step, Start, F>();
 }
 
 /// The rates of a chain whose step contracts by `c` in mean square: E D_k^2 ~ c^(2 k).

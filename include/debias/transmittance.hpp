@@ -25,6 +25,7 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/function_of_mean.hpp>
@@ -301,8 +302,14 @@ class DavisMixture {
   Make make_;
 };
 template <class Make>
-DavisMixture<Make> davis_mixture(double c, Make make) {
+requires Estimator<detail::result_t<Make, double>> DavisMixture<Make> davis_mixture(double c, Make make) {
   return {c, std::move(make)};
+}
+
+template <class Make>
+requires(!Estimator<detail::result_t<Make, double>>) auto davis_mixture(double /*c*/, const Make& /*make*/) {
+  return detail::refuse<detail::mistake_in_estimator<detail::result_t<Make, double>>(),
+                        detail::result_t<Make, double>>();
 }
 
 }  // namespace debias

@@ -23,6 +23,7 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
 
@@ -181,6 +182,20 @@ Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::in
   } catch (...) {
     detail::rethrow_with_sample(seed, index);
   }
+}
+
+// What is no estimator.
+template <class E>
+requires(!Estimator<E>) auto estimate(const E& /*estimator*/, const Plan& /*plan*/ = {}) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E, class R>
+requires(!Estimator<E>) auto extend(const E& /*estimator*/, const R& /*result*/, const Plan& /*plan*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E>
+requires(!Estimator<E>) auto trace(const E& /*estimator*/, std::uint64_t /*seed*/, std::int64_t /*index*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
 }
 
 }  // namespace debias

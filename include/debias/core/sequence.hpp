@@ -82,7 +82,7 @@ inline constexpr bool is_shared_draw<SharedDraw<V>> = true;
 }  // namespace detail
 
 template <class S>
-concept BiasedSequence = requires(const S& s, std::int64_t level, Stream& rng) {
+concept BiasedSequence = requires(const S& s, const std::int64_t level, Stream& rng) {
   requires detail::is_draw<std::remove_cvref_t<decltype(s(level, rng))>>;
 };
 
@@ -106,7 +106,7 @@ template <class S>
 struct SequenceValue;
 template <BiasedSequence S>
 struct SequenceValue<S> {
-  using type = decltype(std::declval<const S&>()(std::int64_t{}, std::declval<Stream&>()).value);
+  using type = decltype(std::declval<const S&>()(std::declval<const std::int64_t&>(), std::declval<Stream&>()).value);
 };
 template <TermSequence S>
 requires(!BiasedSequence<S>) struct SequenceValue<S> {

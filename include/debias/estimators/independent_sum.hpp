@@ -16,6 +16,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -91,6 +92,18 @@ requires DeclaresRates<S> IndependentSum<S, Geometric> independent_sum(S sequenc
                                                                        const IndependentSumOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)&&!std::same_as<P, IndependentSumOptions>) auto independent_sum(
+    const S& /*sequence*/, const P& /*pmf*/, const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(BiasedSequence<S> && DeclaresRates<S>)) auto independent_sum(const S& /*sequence*/,
+                                                                        const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -21,6 +21,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -126,6 +127,17 @@ Progressive<S, P> progressive(S sequence, P law, const Schedule& schedule = {}) 
 template <BiasedSequence S>
 Averaged<S> averaged(S sequence, const Schedule& schedule = {}) {
   return {std::move(sequence), schedule};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)) auto progressive(const S& /*sequence*/, const P& /*pmf*/,
+                                                          const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!BiasedSequence<S>) auto averaged(const S& /*sequence*/, const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -21,6 +21,7 @@
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -238,6 +239,19 @@ class PolicyRoulette {
 template <TermSequence S, RoulettePolicy C>
 PolicyRoulette<S, C> roulette(S terms, C policy, const RouletteOptions& options = {}) {
   return {std::move(terms), std::move(policy), options};
+}
+
+// What is none of these.
+template <class S, class P>
+requires(!(TermSequence<S> && (Pmf<P> || RoulettePolicy<P>)) &&
+         !std::same_as<P, RouletteOptions>) auto roulette(const S& /*terms*/, const P& /*pmf*/,
+                                                          const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_terms_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(TermSequence<S> && DeclaresRates<S>)) auto roulette(const S& /*terms*/,
+                                                               const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_terms<S>(), S>();
 }
 
 }  // namespace debias

@@ -29,6 +29,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/estimators/common.hpp>
@@ -229,6 +230,23 @@ class Stratified {
 template <StratifiableEstimator E>
 Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
   return {std::move(estimator), block, strata};
+}
+
+namespace detail {
+template <class E>
+constexpr Mistake mistake_in_strata() {
+  if constexpr (Estimator<E>) {
+    return Mistake::not_stratifiable;
+  } else {
+    return mistake_in_estimator<E>();
+  }
+}
+}  // namespace detail
+
+template <class E>
+requires(!StratifiableEstimator<E>) auto stratified(const E& /*estimator*/, std::int64_t /*block*/,
+                                                    Strata /*strata*/ = Strata::systematic) {
+  return detail::refuse<detail::mistake_in_strata<E>(), E>();
 }
 
 }  // namespace debias

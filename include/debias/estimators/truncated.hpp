@@ -11,6 +11,7 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -45,6 +46,11 @@ class Truncated {
 template <BiasedSequence S>
 Truncated<S> truncated(S sequence, std::int64_t level) {
   return {std::move(sequence), level};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto truncated(const S& /*sequence*/, std::int64_t /*level*/) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -24,6 +24,7 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream_batch.hpp>
 
@@ -234,6 +235,11 @@ LevelRuns level_runs(const S& sequence) {
     };
   }
   return runs;
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto level_runs(const S& /*sequence*/) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -277,4 +277,15 @@ TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law, con
   return {std::move(x), std::move(g), pivot, std::move(law), options};
 }
 
+template <class X, class G, class At, class P>
+requires(!(RandomVariable<X> && Expandable<G> && Pmf<P>)) auto taylor_sum(const X& /*x*/, const G& /*g*/,
+                                                                          const At& /*at*/, const P& /*pmf*/,
+                                                                          const TaylorSumOptions& /*options*/ = {}) {
+  if constexpr (RandomVariable<X> && Expandable<G>) {
+    return detail::refuse<detail::mistake_in_pmf<P>(), P>();
+  } else {
+    return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
+  }
+}
+
 }  // namespace debias

@@ -20,6 +20,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 
 namespace debias {
@@ -263,6 +264,22 @@ Taylor<X, G> taylor(X x, const G& g, double at) {
 template <RandomVariable X, Expandable G>
 RatedTaylor<X, G> taylor(X x, const G& g, const Centre& centre) {
   return {std::move(x), g, centre};
+}
+
+namespace detail {
+template <class X, class G>
+constexpr Mistake mistake_in_taylor() {
+  if constexpr (RandomVariable<X>) {
+    return Mistake::no_power_series;
+  } else {
+    return mistake_in_draws<X>();
+  }
+}
+}  // namespace detail
+
+template <class X, class G, class At>
+requires(!(RandomVariable<X> && Expandable<G>)) auto taylor(const X& /*x*/, const G& /*g*/, const At& /*at*/) {
+  return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
 }
 
 }  // namespace debias
