@@ -126,23 +126,24 @@ class FiniteDifference {
     if (level > last_level_) {
       if (options_.beyond == BeyondLast::throws) beyond_last(level);
       Term<value_type> last = value_at(last_level_, rng);
-      value_type nothing = zero_like(last.value);
+      value_type nothing = debias::zero_like(last.value);
       return {std::move(last.value), std::move(nothing), last.work};
     }
     if (level == 0) {
       const Term<value_type> first = value_at(0, rng);
-      return base(first.value, first.work);
+      return debias::base(first.value, first.work);
     }
     const Quotients q(*this, rng);
     value_type previous = q(level - 1);
     value_type finer = q(level);
-    value_type value = scaled(finer, weights_[0]);
-    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
+    value_type value = debias::scaled(finer, weights_[0]);
+    value_type change = debias::scaled(debias::difference(value_type(finer), previous), weights_[0]);
     for (int i = 1; i <= options_.extrapolations; ++i) {
       previous = std::move(finer);
       finer = q(level + i);
-      value = sum(std::move(value), scaled(finer, weight(i)));
-      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
+      value = debias::sum(std::move(value), debias::scaled(finer, weight(i)));
+      change =
+          debias::sum(std::move(change), debias::scaled(debias::difference(value_type(finer), previous), weight(i)));
     }
     return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
   }
@@ -154,8 +155,9 @@ class FiniteDifference {
       level = last_level_;
     }
     const Quotients q(*this, rng);
-    value_type value = scaled(q(level), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    value_type value = debias::scaled(q(level), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i)
+      value = debias::sum(std::move(value), debias::scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
@@ -309,8 +311,9 @@ class FiniteDifference {
       const Stream rng = split(Stream(0, i), Branch::pilot);
       const value_type f = detail::evaluate(f_, at_, rng);
       if (!is_random) here_ = f;
-      const double size = as_scalar(f);
-      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      const double size = debias::as_scalar(f);
+      const double moved =
+          debias::as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);

@@ -65,7 +65,7 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
 template <BiasedSequence S>
 MultilevelStatistics multilevel(const S& sequence, double error, const Plan& plan = {},
                                 const MultilevelOptions& options = {}) {
-  return multilevel(level_runs(sequence), error, plan, options);
+  return debias::multilevel(debias::level_runs(sequence), error, plan, options);
 }
 
 template <class S>

@@ -67,7 +67,7 @@ auto estimated(Make make) {
     if constexpr (Estimator<E>) {
       Stream own = rng.split(rng.bits());
       NullRecord unused;
-      return draw_sample(make(y), own, unused).value;
+      return debias::draw_sample(make(y), own, unused).value;
     } else {
       return detail::refuse<detail::mistake_in_estimator<E>(), E>();
     }

@@ -99,8 +99,8 @@ std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
 /// The estimator that an advice names; `trace` replays a block of it.
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
-  return stratified(single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}),
-                    advice.block);
+  return debias::stratified(
+      debias::single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}), advice.block);
 }
 
 namespace detail {
@@ -115,8 +115,8 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 /// sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
-  Advice advice = advise(level_runs(recipe.sequence), plan, recipe.options);
-  auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
+  Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);
+  auto result = debias::estimate(debias::estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
   detail::follow(result, advice, plan.goal);
   return {std::move(result), std::move(advice)};
 }

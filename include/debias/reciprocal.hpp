@@ -37,16 +37,16 @@ namespace debias {
 template <RandomVariable X>
 auto reciprocal(X x, const Rates& rates = {2, 1}) {
   if constexpr (RealValue<draw_t<X>>) {
-    return function_of_mean(std::move(x), functions::Reciprocal{}, rates);
+    return debias::function_of_mean(std::move(x), functions::Reciprocal{}, rates);
   } else {
-    return function_of_mean(std::move(x), functions::componentwise(functions::Reciprocal{}), rates);
+    return debias::function_of_mean(std::move(x), functions::componentwise(functions::Reciprocal{}), rates);
   }
 }
 
 /// 1 / (integral of f over [from, to]) for real f: one comb of equidistant points a draw.
 template <class F>
 auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
-  return function_of_integral(std::move(f), functions::Reciprocal{}, options);
+  return debias::function_of_integral(std::move(f), functions::Reciprocal{}, options);
 }
 
 /// 1 / max(m, scale 2^-(level + 1)): the bound vanishes in the limit, so the differences still telescope.
@@ -80,18 +80,18 @@ struct ClampedReciprocal {
 /// 1 / E X for X >= 0 that may be zero.
 template <RandomVariable X>
 auto clamped_reciprocal(X x, double scale = 1, const Rates& rates = {2, 1}) {
-  return function_of_mean(std::move(x), ClampedReciprocal{scale}, rates);
+  return debias::function_of_mean(std::move(x), ClampedReciprocal{scale}, rates);
 }
 /// 1 / (integral of f) for f >= 0 that may be zero.
 template <class F>
 auto clamped_reciprocal_of_integral(F f, double scale = 1, const IntegralOptions& options = {}) {
-  return function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
+  return debias::function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
 }
 
 /// The terms (1 / a) prod (1 - X_i / a), a a number or a Centre; for roulette [Booth 2007].
 template <RandomVariable X, class A>
 auto reciprocal_series(X x, const A& a) {
-  return taylor(std::move(x), functions::Reciprocal{}, a);
+  return debias::taylor(std::move(x), functions::Reciprocal{}, a);
 }
 
 /// Counts independent trials with success probability X / majorant until the first success.

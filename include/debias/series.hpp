@@ -102,7 +102,7 @@ class Series {
     value_type partial = term;
     for (std::int64_t k = 1; k <= level; ++k) {
       term = detail::evaluate_term(term_, k, rng);
-      partial = sum(std::move(partial), term);
+      partial = debias::sum(std::move(partial), term);
     }
     return {std::move(partial), std::move(term), work_ * (static_cast<double>(level) + 1)};
   }
@@ -181,12 +181,12 @@ struct PairOfTerms {
   T term;
 
   auto operator()(std::int64_t k) const requires(!RandomTerm<T>) {
-    return sum(term(first_of(k)), term(first_of(k) + 1));
+    return debias::sum(term(first_of(k)), term(first_of(k) + 1));
   }
 
   auto operator()(std::int64_t k, const Stream& rng) const requires RandomTerm<T> {
-    auto first = evaluate_term(term, first_of(k), rng);
-    return sum(std::move(first), evaluate_term(term, first_of(k) + 1, rng));
+    auto first = detail::evaluate_term(term, first_of(k), rng);
+    return debias::sum(std::move(first), detail::evaluate_term(term, first_of(k) + 1, rng));
   }
 
   static std::int64_t first_of(std::int64_t k) {
@@ -242,9 +242,9 @@ class Blocks {
   /// Both, from the same terms.
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
     Term<value_type> block = difference_at(level, rng);
-    if (level == 0) return base(block.value, block.work);
+    if (level == 0) return debias::base(block.value, block.work);
     Term<value_type> before = value_at(level - 1, rng);
-    return {sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
+    return {debias::sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
   }
 
   Rates rates;
@@ -262,7 +262,7 @@ class Blocks {
     Term<value_type> total = series_.difference_at(first, rng);
     for (std::int64_t k = first + 1; k < last; ++k) {
       const Term<value_type> term = series_.difference_at(k, rng);
-      total.value = sum(std::move(total.value), term.value);
+      total.value = debias::sum(std::move(total.value), term.value);
       total.work += term.work;
     }
     return total;

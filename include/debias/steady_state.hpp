@@ -59,14 +59,14 @@ class SteadyState {
       : rates(declared), step_(std::move(step)), start_(std::move(start)), f_(std::move(f)) {}
 
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
-    if (level == 0) return base<value_type>(f_(start_));
+    if (level == 0) return debias::base<value_type>(f_(start_));
     State fine = next(start_, level, rng);
     State coarse = start_;
     for (std::int64_t j = level - 1; j > 0; --j) {
       fine = next(std::move(fine), j, rng);
       coarse = next(std::move(coarse), j, rng);
     }
-    return coupled<value_type>(f_(fine), f_(coarse), 2 * static_cast<double>(level) - 1);
+    return debias::coupled<value_type>(f_(fine), f_(coarse), 2 * static_cast<double>(level) - 1);
   }
 
   /// I_level alone, in `level` steps (work 1 at level 0).

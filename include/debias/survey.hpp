@@ -81,7 +81,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan = {.s
 
 template <BiasedSequence S>
 Survey survey(const S& sequence, std::int64_t levels, const Plan& plan = {.samples = 4096}) {
-  return survey(level_runs(sequence), levels, plan);
+  return debias::survey(debias::level_runs(sequence), levels, plan);
 }
 
 template <class S>

@@ -282,7 +282,7 @@ class Recorder {
   template <Value V>
   void add(const Sample<V>& sample) {
     if constexpr (!RealValue<V>) sums_.components.add(sample.value);
-    values_[filled_] = as_scalar(sample.value);
+    values_[filled_] = debias::as_scalar(sample.value);
     levels_[filled_] = sample.level;
     sums_.work += sample.work;
     if (++filled_ == block_size) flush();

@@ -71,7 +71,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   const auto draw = [&](std::int64_t i, auto& record) {
     Stream rng(plan.seed, static_cast<std::uint64_t>(i));
     if (pilot) rng = split(rng, Branch::pilot);
-    return draw_sample(estimator, rng, record);
+    return debias::draw_sample(estimator, rng, record);
   };
   Plan fixed = plan;
   if constexpr (Rehearses<E>) fixed.threads = 1;
@@ -104,7 +104,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, pilot_seconds);
     pilot = false;
   }
-  Statistics statistics = detail::run(fixed, description(estimator), detail::chunk_of(estimator), body);
+  Statistics statistics = detail::run(fixed, debias::description(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
   statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
@@ -129,15 +129,15 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 /// Throws std::invalid_argument for another estimator, or for fewer samples than the result has.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  if (result.estimator != description(estimator)) {
+  if (result.estimator != debias::description(estimator)) {
     throw std::invalid_argument("extend: the result is of another estimator (" + result.estimator + ", not " +
-                                description(estimator) + ")");
+                                debias::description(estimator) + ")");
   }
   plan.seed = result.seed;
   plan.first = result.first;
   if (plan.goal.asked()) plan.samples = result.samples;  // at least
   plan.earlier = std::make_shared<RunState>(result.state);
-  return estimate(estimator, plan);
+  return debias::estimate(estimator, plan);
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
@@ -177,7 +177,7 @@ Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::in
   } record;
   Stream rng(seed, static_cast<std::uint64_t>(index));
   try {
-    auto sample = draw_sample(estimator, rng, record);
+    auto sample = debias::draw_sample(estimator, rng, record);
     return {std::move(sample), std::move(record.levels)};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);

@@ -63,7 +63,7 @@ Draw<V> base(const V& value, double work = 1) {
 /// A draw of a level above 0 from the fine estimate and its coupled coarse one.
 template <Value V>
 Draw<V> coupled(const V& fine, const V& coarse, double work = 1) {
-  return {fine, difference(fine, coarse), work};
+  return {fine, debias::difference(fine, coarse), work};
 }
 
 namespace detail {
@@ -196,7 +196,7 @@ class LevelsOf {
     double work = term.work;
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
-      partial = sum(std::move(partial), term.value);
+      partial = debias::sum(std::move(partial), term.value);
       work += term.work;
     }
     return {std::move(partial), std::move(term.value), work};

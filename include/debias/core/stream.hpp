@@ -62,7 +62,7 @@ class Stream {
     return block_[second ? 1 : 0];
   }
 
-  /// The same, for the distributions of <random>: every value from min() to max() is as likely.
+  /// The same, for the distributions of the standard library: every value from min() to max() is as likely.
   [[gnu::always_inline]] result_type operator()() { return bits(); }
   static constexpr result_type min() { return 0; }
   static constexpr result_type max() { return ~result_type{0}; }

@@ -60,7 +60,7 @@ class PartialDerivatives {
   using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
 
   PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
-      : rates(declared), shape_(zero_like(std::move(shape))) {
+      : rates(declared), shape_(debias::zero_like(std::move(shape))) {
     for (std::size_t i = 0; i < component_count(at); ++i) {
       partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
     }

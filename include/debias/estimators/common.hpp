@@ -47,17 +47,18 @@ Sample<sequence_value_t<S>> base_and_difference(const S& sequence, std::int64_t 
   Stream level_stream = split_level(rng, level);
   if constexpr (OffersSharedBase<S>) {
     auto both = sequence.shared(level, m, level_stream);
-    record.base(m, as_scalar(both.base), 0.0);
-    record.difference(level, as_scalar(both.difference), both.work);
-    return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
+    record.base(m, debias::as_scalar(both.base), 0.0);
+    record.difference(level, debias::as_scalar(both.difference), both.work);
+    return {debias::sum(std::move(both.base), debias::scaled(std::move(both.difference), weight)), both.work, level};
   } else {
     Stream base_stream = split_level(rng, m);
     // Nearly every base is level 0: known to the compiler, it leaves no trace of the level in the sequence.
-    auto base = m == 0 ? value_of(sequence, 0, base_stream) : value_of(sequence, m, base_stream);
-    auto term = difference_of(sequence, level, level_stream);
-    record.base(m, as_scalar(base.value), base.work);
-    record.difference(level, as_scalar(term.value), term.work);
-    return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+    auto base = m == 0 ? debias::value_of(sequence, 0, base_stream) : debias::value_of(sequence, m, base_stream);
+    auto term = debias::difference_of(sequence, level, level_stream);
+    record.base(m, debias::as_scalar(base.value), base.work);
+    record.difference(level, debias::as_scalar(term.value), term.work);
+    return {debias::sum(std::move(base.value), debias::scaled(std::move(term.value), weight)), base.work + term.work,
+            level};
   }
 }
 

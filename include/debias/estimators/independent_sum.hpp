@@ -51,15 +51,15 @@ class IndependentSum {
   template <Record R>
   Sample<value_type> draw(std::int64_t deepest, const Stream& rng, R& record) const {
     Stream base_stream = split_level(rng, base_level_);
-    auto base = value_of(sequence_, base_level_, base_stream);
-    record.base(base_level_, as_scalar(base.value), base.work);
+    auto base = debias::value_of(sequence_, base_level_, base_stream);
+    record.base(base_level_, debias::as_scalar(base.value), base.work);
     Sample<value_type> sample{std::move(base.value), base.work, deepest};
     for (std::int64_t level = base_level_ + 1; level <= deepest; ++level) {
       Stream level_stream = split_level(rng, level);
-      auto term = difference_of(sequence_, level, level_stream);
-      record.difference(level, as_scalar(term.value), term.work);
+      auto term = debias::difference_of(sequence_, level, level_stream);
+      record.difference(level, debias::as_scalar(term.value), term.work);
       const double weight = inverse_weight(probability(level), level);
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       sample.work += term.work;
     }
     return sample;

@@ -105,8 +105,8 @@ class Averaged {
   Sample<value_type> operator()(Stream& rng, R& record) const {
     const std::int64_t m = schedule_.level(rng.index());
     Stream base_stream = split_level(rng, m);
-    auto base = value_of(sequence_, m, base_stream);
-    record.base(m, as_scalar(base.value), base.work);
+    auto base = debias::value_of(sequence_, m, base_stream);
+    record.base(m, debias::as_scalar(base.value), base.work);
     return {std::move(base.value), base.work, m};
   }
 

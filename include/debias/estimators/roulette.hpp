@@ -64,15 +64,15 @@ class Roulette {
     Sample<value_type> sample{std::move(term.value), term.work, last};
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
-      sample.value = sum(std::move(sample.value), term.value);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     for (std::int64_t level = base_level_ + 1; level <= last; ++level) {
       term = cursor();
-      record.difference(level, as_scalar(term.value), term.work);
-      sample.value =
-          sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
+      record.difference(level, debias::as_scalar(term.value), term.work);
+      sample.value = debias::sum(std::move(sample.value),
+                                 debias::scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
@@ -181,17 +181,17 @@ class PolicyRoulette {
     Sample<value_type> sample{std::move(term.value), term.work, base_level_};
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
-      sample.value = sum(std::move(sample.value), term.value);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     double weight = 1;
     for (std::int64_t level = base_level_ + 1; level - base_level_ <= most_terms; ++level) {
       if constexpr (!LatePolicy<C>) {
         if (!keep(policy_(level), decisions, weight)) return sample;
       }
       term = cursor();
-      const double size = as_scalar(term.value);
+      const double size = debias::as_scalar(term.value);
       record.difference(level, size, term.work);
       sample.level = level;
       sample.work += term.work;
@@ -204,7 +204,7 @@ class PolicyRoulette {
         // What is not finite must reach the mean, and has no probability.
         if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
       }
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
     }
     throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a law");

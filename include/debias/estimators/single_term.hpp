@@ -65,10 +65,11 @@ class SingleTerm {
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::drawn) {
       Stream level_stream = split_level(rng, level);
-      auto term = level == m ? value_of(sequence_, level, level_stream) : difference_of(sequence_, level, level_stream);
-      level == m ? record.base(m, as_scalar(term.value), term.work)
-                 : record.difference(level, as_scalar(term.value), term.work);
-      return {scaled(std::move(term.value), weight), term.work, level};
+      auto term = level == m ? debias::value_of(sequence_, level, level_stream)
+                             : debias::difference_of(sequence_, level, level_stream);
+      level == m ? record.base(m, debias::as_scalar(term.value), term.work)
+                 : record.difference(level, debias::as_scalar(term.value), term.work);
+      return {debias::scaled(std::move(term.value), weight), term.work, level};
     }
     return detail::base_and_difference(sequence_, m, level, weight, rng, record);
   }

@@ -120,7 +120,7 @@ class Stratified {
 
   [[nodiscard]] std::string describe() const {
     return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
-           description(estimator_);
+           debias::description(estimator_);
   }
 
  private:
@@ -157,11 +157,11 @@ class Stratified {
       for (std::int64_t j = 1; j < block_; ++j) {
         level = level_of(j);
         auto next = estimator_.draw(level, member(rng, j), record);
-        sample.value = sum(std::move(sample.value), next.value);
+        sample.value = debias::sum(std::move(sample.value), next.value);
         sample.work += next.work;
         sample.level = sample.level > next.level ? sample.level : next.level;
       }
-      sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
+      sample.value = debias::scaled(std::move(sample.value), 1 / static_cast<double>(block_));
       return sample;
     }
   }
@@ -203,7 +203,7 @@ class Stratified {
   }
 
   [[noreturn]] void refuse_slow_tail() const {
-    throw std::invalid_argument("stratified: residual strata with " + description(estimator_) +
+    throw std::invalid_argument("stratified: residual strata with " + debias::description(estimator_) +
                                 " (its tail is not below 1 / " + std::to_string(block_) + " within " +
                                 std::to_string(most_copied_levels) +
                                 " levels: too slow, or no law); take Strata::systematic");

@@ -30,8 +30,8 @@ class Truncated {
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream level_stream = split_level(rng, level_);
-    auto term = value_of(sequence_, level_, level_stream);
-    record.base(level_, as_scalar(term.value), term.work);
+    auto term = debias::value_of(sequence_, level_, level_stream);
+    record.base(level_, debias::as_scalar(term.value), term.work);
     return {std::move(term.value), term.work, level_};
   }
 
