@@ -273,8 +273,8 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
   }
   out << "bias          " << formatted("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
       << formatted("%.2f", s.alpha) << " l)\n"
-      << "goal          root mean square error " << formatted("%g", s.goal) << ": " << (s.goal_met() ? "met" : "NOT met")
-      << ", " << formatted("%.3g", s.error()) << '\n'
+      << "goal          root mean square error " << formatted("%g", s.goal) << ": "
+      << (s.goal_met() ? "met" : "NOT met") << ", " << formatted("%.3g", s.error()) << '\n'
       << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n'
       << "work          " << formatted("%.4g", s.work) << ", of that " << formatted("%.4g", s.pilot_work)
       << " in the first draws, which planned the others\nseconds       " << formatted("%.3g", s.seconds) << '\n';

@@ -6,7 +6,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 
 # What a file may include: one extended regular expression for each file, by its path without include/debias/
 # or src/ and without its suffix. A new module falls under the last line.
-no_runner='core/(stream|stream_batch|vector_math|value|rates|sequence|pmf|estimator|accumulator|bias)'
+no_runner='core/(refusals|stream|stream_batch|vector_math|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
     core/*) echo 'core/.*' ;;

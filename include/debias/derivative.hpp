@@ -35,6 +35,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -80,7 +81,7 @@ namespace detail {
 template <ParameterFunction F>
 auto evaluate(const F& f, double x, const Stream& rng) {
   if constexpr (RandomFunction<F>) {
-    Stream common = rng;
+    Stream common(rng);
     return f(x, common);
   } else {
     return f(x);
@@ -134,7 +135,7 @@ class FiniteDifference {
     }
     if (level == 0) {
       const Term<value_type> first = value_at(0, rng);
-      return base(first.value, first.work);
+      return debias::base(first.value, first.work);
     }
     return draw_of(level, rng);
   }
@@ -146,8 +147,9 @@ class FiniteDifference {
       level = last_level_;
     }
     const Quotients q(*this, rng);
-    value_type value = scaled(q(level), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    value_type value = debias::scaled(q(level), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i)
+      value = debias::sum(std::move(value), debias::scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
@@ -272,13 +274,13 @@ class FiniteDifference {
     std::int64_t last = 0;
     for (std::int64_t k = 1; k <= probed_levels_; ++k) {
       const auto draw = draw_of(k, unused);
-      const double size = std::abs(as_scalar(draw.difference));
-      const double here = std::abs(as_scalar(detail::evaluate(f_, at_ + step(k), unused)));
+      const double size = std::abs(debias::as_scalar(draw.difference));
+      const double here = std::abs(debias::as_scalar(detail::evaluate(f_, at_ + step(k), unused)));
       if (!std::isfinite(size) || !std::isfinite(here)) {
         return "f is not finite at a distance of " + text_of(step(k));
       }
       const double noise = units_of_noise * (rounding_error(k, std::max(size_, here)) +
-                                             epsilon_of<value_type>() * std::abs(as_scalar(draw.value)));
+                                             epsilon_of<value_type>() * std::abs(debias::as_scalar(draw.value)));
       sizes.push_back(size > noise ? size : 0);
       if (size > noise) last = k;
     }
@@ -384,13 +386,14 @@ class FiniteDifference {
     const Quotients q(*this, rng);
     value_type previous = q(level - 1);
     value_type finer = q(level);
-    value_type value = scaled(finer, weights_[0]);
-    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
+    value_type value = debias::scaled(finer, weights_[0]);
+    value_type change = debias::scaled(debias::difference(value_type(finer), previous), weights_[0]);
     for (int i = 1; i <= options_.extrapolations; ++i) {
       previous = std::move(finer);
       finer = q(level + i);
-      value = sum(std::move(value), scaled(finer, weight(i)));
-      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
+      value = debias::sum(std::move(value), debias::scaled(finer, weight(i)));
+      change =
+          debias::sum(std::move(change), debias::scaled(debias::difference(value_type(finer), previous), weight(i)));
     }
     return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
   }
@@ -406,9 +409,10 @@ class FiniteDifference {
       const value_type f = detail::evaluate(f_, at_, rng);
       if (!is_random) here_ = f;
       const value_type up = detail::evaluate(f_, at_ + options_.first_step, rng);
-      double size = as_scalar(f);
-      double moved = as_scalar(debias::difference(value_type(up), f));
-      if (!is_random && !std::isfinite(size)) size = moved = as_scalar(up);  // a central quotient does without f(at)
+      double size = debias::as_scalar(f);
+      double moved = debias::as_scalar(debias::difference(value_type(up), f));
+      if (!is_random && !std::isfinite(size))
+        size = moved = debias::as_scalar(up);  // a central quotient does without f(at)
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);
@@ -489,10 +493,25 @@ FiniteDifference<F> finite_difference(F f, double at, const DifferenceOptions& o
   return {std::move(f), at, options, rates};
 }
 
+template <class F>
+requires(!ParameterFunction<F>) auto finite_difference(const F& /*f*/, double /*at*/,
+                                                       const DifferenceOptions& /*options*/ = {},
+                                                       const Rates& /*rates*/ = {}) {
+  return detail::refuse<
+      detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const double&>(), F>();
+}
+
+namespace detail {
+template <class F>
+concept ComplexFunction = std::invocable < const F&,
+        const std::complex<double>
+& > || std::invocable<const F&, const std::complex<double>&, Stream&>;
+}  // namespace detail
+
 /// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
 /// bias or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
 /// real parts and `<` only must not lose the imaginary part: no abs, no max.
-template <class F>
+template <detail::ComplexFunction F>
 auto complex_step(F f, double at) {
   constexpr double h = 0x1p-300;
   return [f = std::move(f), point = std::complex<double>(at, h)](Stream& rng) -> double {
@@ -502,6 +521,15 @@ auto complex_step(F f, double at) {
       return f(point).imag() / h;
     }
   };
+}
+
+template <class F>
+requires(!detail::ComplexFunction<F>) auto complex_step(const F& /*f*/, double /*at*/) {
+  using Z = const std::complex<double>&;
+  return detail::refuse<detail::first_of(
+                            detail::mistake_in_call<F, Z, Stream&>(),
+                            detail::first_of(detail::mistake_in_call<F, Z>(), detail::Mistake::no_complex_function)),
+                        F>();
 }
 
 }  // namespace debias

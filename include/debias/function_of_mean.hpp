@@ -31,6 +31,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -95,9 +96,9 @@ class RunningSum {
  public:
   void add(V v) {
     if constexpr (begins_at_zero) {
-      total_ = sum(std::move(total_), v);
+      total_ = debias::sum(std::move(total_), v);
     } else if (total_) {
-      total_ = sum(std::move(*total_), v);
+      total_ = debias::sum(std::move(*total_), v);
     } else {
       total_ = std::move(v);
     }
@@ -136,7 +137,7 @@ class Doubling {
 
   /// Throws, like the members below, std::length_error above level 62.
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
-    if (level == 0) return base(value_of_one_point(rng), work(0));
+    if (level == 0) return debias::base(value_of_one_point(rng), work(0));
     const Halves sums = halves(level, 0, rng, NoVisit{});
     return {value_of_mean(mean(sums, level), level), difference(sums, level), work(level)};
   }
@@ -155,13 +156,13 @@ class Doubling {
     const double per_point = points_.scale * detail::share_of_draw(base_level);
     detail::RunningSum<mean_t<value_type>> values;
     const auto add = [&](const Mean& group) {
-      values.add(mean_t<value_type>(detail::value_at(g_, base_level, scaled(group, per_point))));
+      values.add(mean_t<value_type>(detail::value_at(g_, base_level, debias::scaled(group, per_point))));
     };
     const Halves sums = halves(level, base_level, rng, [&](const Mean& even_group, const Mean& odd_group) {
       add(even_group);
       add(odd_group);
     });
-    return {static_cast<value_type>(scaled(values.total(), detail::share_of_draw(level - base_level))),
+    return {static_cast<value_type>(debias::scaled(values.total(), detail::share_of_draw(level - base_level))),
             difference(sums, level), work(level)};
   }
 
@@ -261,8 +262,8 @@ class Doubling {
       even = group();
       odd = group();
       visit(even, odd);
-      sums.even = sum(std::move(sums.even), even);
-      sums.odd = sum(std::move(sums.odd), odd);
+      sums.even = debias::sum(std::move(sums.even), even);
+      sums.odd = debias::sum(std::move(sums.odd), odd);
     }
     return sums;
   }
@@ -331,7 +332,7 @@ class Doubling {
   }
 
   value_type value_of_one_point(Stream& rng) const {
-    return value_of_mean(scaled(points_.points(0, 0, rng)(), points_.scale), 0);
+    return value_of_mean(debias::scaled(points_.points(0, 0, rng)(), points_.scale), 0);
   }
 
   // A comparison in g, or a component that it does not use, would hide a NaN.
@@ -339,13 +340,13 @@ class Doubling {
     return or_nan(detail::value_at(g_, level, m), m);
   }
   static value_type or_nan(value_type value, const Mean& m) {
-    if (has_nan(m)) [[unlikely]]
-      return nan_like(std::move(value));
+    if (debias::has_nan(m)) [[unlikely]]
+      return debias::nan_like(std::move(value));
     return value;
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
-    return scaled(sum(sums.even, sums.odd), points_.scale * detail::share_of_draw(level));
+    return debias::scaled(debias::sum(sums.even, sums.odd), points_.scale * detail::share_of_draw(level));
   }
 
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
@@ -362,13 +363,13 @@ class Doubling {
   value_type plain_difference(const Halves& sums, std::int64_t level) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelFunction<G, Mean>) {
-      return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return g_.gap(level, mean(sums, level), debias::scaled(debias::difference(sums.even, sums.odd), per_point));
     } else if constexpr (OffersGap<G, Mean>) {
-      return g_.gap(mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return g_.gap(mean(sums, level), debias::scaled(debias::difference(sums.even, sums.odd), per_point));
     } else {
-      const value_type even = g_(scaled(sums.even, 2 * per_point));
-      const value_type odd = g_(scaled(sums.odd, 2 * per_point));
-      return debias::difference(g_(mean(sums, level)), scaled(sum(even, odd), 0.5));
+      const value_type even = g_(debias::scaled(sums.even, 2 * per_point));
+      const value_type odd = g_(debias::scaled(sums.odd, 2 * per_point));
+      return debias::difference(g_(mean(sums, level)), debias::scaled(debias::sum(even, odd), 0.5));
     }
   }
 
@@ -383,9 +384,9 @@ class Doubling {
   value_type gap_of_halves(const Halves& sums, std::int64_t level) const {
     const double per_point = 2 * points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelKnowsHalves<G, Mean>) {
-      return g_.gap_of_halves(level, scaled(sums.even, per_point), scaled(sums.odd, per_point));
+      return g_.gap_of_halves(level, debias::scaled(sums.even, per_point), debias::scaled(sums.odd, per_point));
     } else {
-      return g_.gap_of_halves(scaled(sums.even, per_point), scaled(sums.odd, per_point));
+      return g_.gap_of_halves(debias::scaled(sums.even, per_point), debias::scaled(sums.odd, per_point));
     }
   }
 
@@ -416,6 +417,11 @@ template <RandomVariable X, class G>
 auto function_of_mean(X x, G g, const Rates& rates = {2, 1}) {
   using P = detail::IndependentPoints<X>;
   return Doubling<P, G>(P{std::move(x)}, std::move(g), rates);
+}
+
+template <class X, class G>
+requires(!RandomVariable<X>) auto function_of_mean(const X& /*x*/, const G& /*g*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
 }
 
 struct IntegralOptions {
@@ -476,9 +482,9 @@ class CombMean {
     const double step = length_ / work;
     M total(f_(from_ + step * offset));
     for (std::int64_t i = 1; i < points_; ++i) {
-      total = sum(std::move(total), M(f_(from_ + step * (static_cast<double>(i) + offset))));
+      total = debias::sum(std::move(total), M(f_(from_ + step * (static_cast<double>(i) + offset))));
     }
-    return scaled(std::move(total), step);
+    return debias::scaled(std::move(total), step);
   }
 
   double work;  ///< look-ups of a draw

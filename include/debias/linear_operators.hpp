@@ -103,7 +103,7 @@ namespace detail {
 /// The estimated radius, refused unless below `limit`.
 template <LinearOperator A>
 double radius_below(const char* name, const A& a, double limit, const char* advice) {
-  const double radius = spectral_radius(a);
+  const double radius = debias::spectral_radius(a);
   if (!(radius < limit)) {
     std::ostringstream text;
     text << "estimated spectral radius = " << radius << " (must be below " << limit << "); " << advice;
@@ -126,13 +126,13 @@ constexpr const char* precondition = "the series diverges: precondition, or scal
 
 template <LinearOperator A, class Read>
 auto powers(A a, Eigen::VectorXd b, Read read) {
-  check_square("neumann", a, b.size());
-  check_finite("neumann", "b", b);
-  const Rates rates = geometric_terms(radius_below("neumann", a, 1, precondition));
+  detail::check_square("neumann", a, b.size());
+  detail::check_finite("neumann", "b", b);
+  const Rates rates = geometric_terms(detail::radius_below("neumann", a, 1, precondition));
   const auto matrix = std::make_shared<const A>(std::move(a));
   const auto start = [first = std::make_shared<const Eigen::VectorXd>(std::move(b))](Stream&) { return *first; };
-  const auto advance = [matrix](const Eigen::VectorXd& x, Stream&) { return apply(*matrix, x); };
-  return path_series(start, advance, std::move(read), rates);
+  const auto advance = [matrix](const Eigen::VectorXd& x, Stream&) { return detail::apply(*matrix, x); };
+  return debias::path_series(start, advance, std::move(read), rates);
 }
 
 }  // namespace detail
@@ -260,7 +260,7 @@ requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const 
   const auto read = [b = std::make_shared<const Eigen::VectorXd>(std::move(b))](const State& s) {
     return s.weight * (*b)[s.at];
   };
-  return path_series(start, advance, read, Rates{-std::log2(radius), 0});
+  return debias::path_series(start, advance, read, Rates{-std::log2(radius), 0});
 }
 
 /// tr f(A) for f(x) = sum_k coefficient(k) x^k, which converges for |x| < `radius_of_convergence` (may be
@@ -294,13 +294,13 @@ auto trace_of_function(A a, Coefficient coefficient, double radius_of_convergenc
     return s;
   };
   const auto read = [coefficient](const State& s) -> double { return coefficient(s.k) * s.signs.dot(s.power); };
-  return path_series(start, advance, read, rates);
+  return debias::path_series(start, advance, read, rates);
 }
 
 /// log det(I - A). Throws std::invalid_argument when the estimated spectral radius of A is not below 1.
 template <LinearOperator A>
 auto log_determinant(A a) {
-  return trace_of_function(
+  return debias::trace_of_function(
       std::move(a), [](std::int64_t k) { return k == 0 ? 0.0 : -1 / static_cast<double>(k); }, 1.0);
 }
 

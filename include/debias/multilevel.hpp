@@ -18,6 +18,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/survey/levels.hpp>
 
@@ -70,7 +71,13 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
 template <BiasedSequence S>
 MultilevelStatistics multilevel(const S& sequence, double error, const Plan& plan = {},
                                 const MultilevelOptions& options = {}) {
-  return multilevel(level_runs(sequence), error, plan, options);
+  return debias::multilevel(debias::level_runs(sequence), error, plan, options);
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto multilevel(const S& /*sequence*/, double /*error*/, const Plan& /*plan*/ = {},
+                                             const MultilevelOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -24,6 +24,7 @@
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -290,6 +291,17 @@ class ProgressivePhotons {
 template <PhotonSource S>
 ProgressivePhotons<S> progressive_photons(S source, const ProgressiveRadii& radii) {
   return {std::move(source), radii};
+}
+
+// What is no source.
+template <class S, class Schedule>
+requires(!PhotonSource<S>) auto photon_levels(const S& /*source*/, const Schedule& /*schedule*/,
+                                              const PhotonOptions& /*options*/ = {}) {
+  return detail::refuse<detail::first_of(detail::mistake_in_call<S, Stream&>(), detail::Mistake::no_photons), S>();
+}
+template <class S>
+requires(!PhotonSource<S>) auto progressive_photons(const S& /*source*/, const ProgressiveRadii& /*radii*/) {
+  return detail::refuse<detail::first_of(detail::mistake_in_call<S, Stream&>(), detail::Mistake::no_photons), S>();
 }
 
 }  // namespace debias

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
@@ -78,6 +79,11 @@ struct Recipe {
   RecipeOptions options;
 };
 
+namespace detail {
+template <class S>
+inline constexpr bool is_recipe<Recipe<S>> = true;
+}  // namespace detail
+
 template <BiasedSequence S>
 Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
   return {std::move(sequence), options};
@@ -97,8 +103,8 @@ std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
 /// The estimator that an advice names; `trace` replays a block of it.
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
-  return stratified(single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}),
-                    advice.block);
+  return debias::stratified(
+      debias::single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}), advice.block);
 }
 
 namespace detail {
@@ -114,10 +120,15 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 /// none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
-  Advice advice = advise(level_runs(recipe.sequence), plan, recipe.options);
-  auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
+  Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);
+  auto result = debias::estimate(debias::estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
   detail::follow(result, advice, plan.goal);
   return {std::move(result), std::move(advice)};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto recipe(const S& /*sequence*/, const RecipeOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

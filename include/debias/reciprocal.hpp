@@ -28,6 +28,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
@@ -39,16 +40,16 @@ namespace debias {
 template <RandomVariable X>
 auto reciprocal(X x, const Rates& rates = {2, 1}) {
   if constexpr (RealValue<draw_t<X>>) {
-    return function_of_mean(std::move(x), functions::Reciprocal{}, rates);
+    return debias::function_of_mean(std::move(x), functions::Reciprocal{}, rates);
   } else {
-    return function_of_mean(std::move(x), functions::componentwise(functions::Reciprocal{}), rates);
+    return debias::function_of_mean(std::move(x), functions::componentwise(functions::Reciprocal{}), rates);
   }
 }
 
 /// 1 / (integral of f over [from, to]) for real f: one comb of equidistant points a draw.
 template <class F>
 auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
-  return function_of_integral(std::move(f), functions::Reciprocal{}, options);
+  return debias::function_of_integral(std::move(f), functions::Reciprocal{}, options);
 }
 
 /// 1 / max(m, scale 2^-(level + 1)): the bound vanishes in the limit, so the differences still telescope.
@@ -95,18 +96,18 @@ struct ClampedReciprocal {
 /// 1 / E X for X >= 0 that may be zero.
 template <RandomVariable X>
 auto clamped_reciprocal(X x, double scale = 1, const Rates& rates = {2, 1}) {
-  return function_of_mean(std::move(x), ClampedReciprocal{scale}, rates);
+  return debias::function_of_mean(std::move(x), ClampedReciprocal{scale}, rates);
 }
 /// 1 / (integral of f) for f >= 0 that may be zero.
 template <class F>
 auto clamped_reciprocal_of_integral(F f, double scale = 1, const IntegralOptions& options = {}) {
-  return function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
+  return debias::function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
 }
 
 /// The terms (1 / a) prod (1 - X_i / a), a a number or a Centre; for roulette [Booth 2007].
 template <RandomVariable X, class A>
 auto reciprocal_series(X x, const A& a) {
-  return taylor(std::move(x), functions::Reciprocal{}, a);
+  return debias::taylor(std::move(x), functions::Reciprocal{}, a);
 }
 
 /// Counts independent trials with success probability X / majorant until the first success.
@@ -233,6 +234,33 @@ ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
                                 "minimum take reciprocal_trials");
   }
   return ReciprocalProduct<X>(std::move(x), 1 / majorant, 1 - minimum / majorant).bounded(0, majorant);
+}
+
+// What is no random variable.
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal(const X& /*x*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto clamped_reciprocal(const X& /*x*/, double /*scale*/ = 1,
+                                                     const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X, class A>
+requires(!RandomVariable<X>) auto reciprocal_series(const X& /*x*/, const A& /*a*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal_trials(const X& /*x*/, double /*majorant*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X, class Pilot>
+requires(!RandomVariable<X>) auto reciprocal_product(const X& /*x*/, double /*w*/, const Pilot& /*pilot*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+template <class X>
+requires(!RandomVariable<X>) auto reciprocal_residual(const X& /*x*/, double /*minimum*/, double /*majorant*/) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
 }
 
 }  // namespace debias

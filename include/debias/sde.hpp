@@ -130,10 +130,10 @@ auto pay(const F& payoff, const Summary& summary, const State& end) {
   }
   if constexpr (std::same_as<Summary, EndOnly>) {
     std::remove_cvref_t<decltype(payoff(end))> value = payoff(end);
-    return finite ? value : nan_like(std::move(value));
+    return finite ? value : debias::nan_like(std::move(value));
   } else {
     std::remove_cvref_t<decltype(payoff(summary))> value = payoff(summary);
-    return finite ? value : nan_like(std::move(value));
+    return finite ? value : debias::nan_like(std::move(value));
   }
 }
 
@@ -322,7 +322,7 @@ class SdeLevels {
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
     if (level == 0) {
       const Term<value_type> one = value_at(0, rng);
-      return base(one.value, one.work);
+      return debias::base(one.value, one.work);
     }
     const std::int64_t steps = steps_of(level);
     const double h = model_.horizon / static_cast<double>(steps);
@@ -347,10 +347,10 @@ class SdeLevels {
     }
     const auto n = static_cast<double>(steps);
     if constexpr (Step::is_antithetic) {
-      const value_type mean = scaled(sum(fine.pay(payoff_), twin.pay(payoff_)), 0.5);
-      return coupled<value_type>(mean, coarse.pay(payoff_), 2.5 * n);
+      const value_type mean = debias::scaled(debias::sum(fine.pay(payoff_), twin.pay(payoff_)), 0.5);
+      return debias::coupled<value_type>(mean, coarse.pay(payoff_), 2.5 * n);
     } else {
-      return coupled<value_type>(fine.pay(payoff_), coarse.pay(payoff_), 1.5 * n);
+      return debias::coupled<value_type>(fine.pay(payoff_), coarse.pay(payoff_), 1.5 * n);
     }
   }
 

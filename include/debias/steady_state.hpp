@@ -20,6 +20,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -57,12 +58,12 @@ class SteadyState {
   SteadyState(Step step, State start, F f, const Rates& declared)
       : rates(declared), step_(std::move(step)), start_(std::move(start)), f_(std::move(f)) {
     if constexpr (Value<State>) {
-      if (!is_finite(start_)) throw std::invalid_argument("steady_state: the start is not finite");
+      if (!debias::is_finite(start_)) throw std::invalid_argument("steady_state: the start is not finite");
     }
   }
 
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
-    if (level == 0) return base<value_type>(f_(start_));
+    if (level == 0) return debias::base<value_type>(f_(start_));
     bool finite = true;
     State fine = next(start_, level, rng, finite);
     State coarse = start_;
@@ -70,7 +71,7 @@ class SteadyState {
       fine = next(std::move(fine), j, rng, finite);
       coarse = next(std::move(coarse), j, rng, finite);
     }
-    return coupled<value_type>(observed(fine, finite), f_(coarse), 2 * static_cast<double>(level) - 1);
+    return debias::coupled<value_type>(observed(fine, finite), f_(coarse), 2 * static_cast<double>(level) - 1);
   }
 
   /// I_level alone, in `level` steps (work 1 at level 0).
@@ -90,7 +91,7 @@ class SteadyState {
     Stream innovations = rng.split(static_cast<std::uint64_t>(j));
     State moved = step_(std::move(x), innovations);
     if constexpr (Value<State>) {
-      if (!is_finite(moved)) [[unlikely]]
+      if (!debias::is_finite(moved)) [[unlikely]]
         finite = false;
     }
     return moved;
@@ -98,7 +99,7 @@ class SteadyState {
 
   value_type observed(const State& x, bool finite) const {
     value_type value = f_(x);
-    return finite ? value : nan_like(std::move(value));
+    return finite ? value : debias::nan_like(std::move(value));
   }
 
   Step step_;
@@ -106,12 +107,34 @@ class SteadyState {
   F f_;
 };
 
+namespace detail {
+template <class Step, class Start, class F>
+concept ChainParts = std::invocable<const Step&, Start, Stream&> && MarkovStep<Step, state_t<Step, Start>> &&
+    Observable<F, state_t<Step, Start>>;
+template <class Step, class Start, class F>
+constexpr Mistake mistake_in_chain() {
+  constexpr Mistake step = mistake_in_call<Step, Start, Stream&>();
+  if constexpr (step == Mistake::none) {
+    return first_of(mistake_in_function<F, const state_t<Step, Start>&>(), Mistake::no_markov_step);
+  } else {
+    return first_of(step, Mistake::no_markov_step);
+  }
+}
+}  // namespace detail
+
 /// E f(X) for X in the steady state of the chain; throws std::invalid_argument for a start that is not finite:
 /// `steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0, f, contraction(0.5))`.
 template <class Step, class Start, class F>
+requires detail::ChainParts<Step, Start, F>
 auto steady_state(Step step, Start start, F f, const Rates& rates) {
   using State = detail::state_t<Step, Start>;
   return SteadyState<State, Step, F>(std::move(step), State(std::move(start)), std::move(f), rates);
+}
+
+template <class Step, class Start, class F>
+requires(!detail::ChainParts<Step, Start, F>) auto steady_state(const Step& /*step*/, const Start& /*start*/,
+                                                                const F& /*f*/, const Rates& /*rates*/) {
+  return detail::refuse<detail::mistake_in_chain<Step, Start, F>(), Step, Start, F>();
 }
 
 /// The rates of a chain whose step contracts by `c` in mean square: E D_k^2 ~ c^(2 k).

@@ -19,6 +19,7 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/survey/levels.hpp>
 
@@ -81,7 +82,12 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan = {.s
 
 template <BiasedSequence S>
 Survey survey(const S& sequence, std::int64_t levels, const Plan& plan = {.samples = 4096}) {
-  return survey(level_runs(sequence), levels, plan);
+  return debias::survey(debias::level_runs(sequence), levels, plan);
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto survey(const S& /*sequence*/, std::int64_t /*levels*/, const Plan& /*plan*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 /// As many levels as `work` pays for (at most 24), each with about the same share of it, but at most

@@ -28,6 +28,7 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/function_of_mean.hpp>
@@ -223,7 +224,7 @@ auto optical_depth(const Ray<F>& ray) {
 template <class F, Expandable G = functions::ExpMinus>
 auto transmittance_series(const Ray<F>& ray, const G& g = {}) {
   detail::require_majorant("transmittance_series", ray);
-  return taylor(optical_depth(ray), g, ray.majorant * ray.length);
+  return debias::taylor(debias::optical_depth(ray), g, ray.majorant * ray.length);
 }
 
 namespace detail {
@@ -262,14 +263,15 @@ inline std::int64_t comb_of_u_statistics(double majorant_depth, double mean_orde
 /// (Davis) `order` must be Geometric.
 template <class F, Expandable G, Pmf P>
 auto u_statistics(const Ray<F>& ray, const G& g, std::int64_t points, P order) {
-  return taylor_sum(comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
+  return debias::taylor_sum(debias::comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
 }
 /// With the order law and the combs of its authors, from the majorant.
 template <class F>
 auto u_statistics(const Ray<F>& ray) {
   detail::require_majorant("u_statistics", ray);
   const BhanotKennedy order(0.9, 2, 2);
-  return u_statistics(ray, functions::ExpMinus{}, comb_of_u_statistics(ray.majorant * ray.length, order.mean()), order);
+  return debias::u_statistics(ray, functions::ExpMinus{}, comb_of_u_statistics(ray.majorant * ray.length, order.mean()),
+                              order);
 }
 
 // ---- combs
@@ -277,13 +279,13 @@ auto u_statistics(const Ray<F>& ray) {
 /// The sequence g(comb of 2^k points), for single_term(telescoping(ray), {.base_level = m}).
 template <class F, class G = functions::ExpMinus>
 auto telescoping(const Ray<F>& ray, const G& g = {}) {
-  return function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
+  return debias::function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
 /// The same with jittered points, for media that do not continue periodically.
 template <class F, class G = functions::ExpMinus>
 auto jittered_telescoping(const Ray<F>& ray, const G& g = {}) {
-  return function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length});
+  return debias::function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
 // ---- correlated media
@@ -322,7 +324,7 @@ class DavisMixture {
     constexpr std::uint64_t density_branch = std::uint64_t{1} << 61;
     Stream density = rng.split(density_branch);
     NullRecord record;
-    return draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
+    return debias::draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
   }
   [[nodiscard]] std::string describe() const { return "davis_mixture, c " + std::to_string(c_); }
 
@@ -331,8 +333,14 @@ class DavisMixture {
   Make make_;
 };
 template <class Make>
-DavisMixture<Make> davis_mixture(double c, Make make) {
+requires Estimator<detail::result_t<Make, double>> DavisMixture<Make> davis_mixture(double c, Make make) {
   return {c, std::move(make)};
+}
+
+template <class Make>
+requires(!Estimator<detail::result_t<Make, double>>) auto davis_mixture(double /*c*/, const Make& /*make*/) {
+  return detail::refuse<detail::mistake_in_estimator<detail::result_t<Make, double>>(),
+                        detail::result_t<Make, double>>();
 }
 
 }  // namespace debias

@@ -32,8 +32,9 @@ double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
 
 bool same(const Statistics& a, const Statistics& b) {
   return a.components[0].mean == b.components[0].mean && a.moments.m2 == b.moments.m2 && a.moments.m4 == b.moments.m4 &&
-         a.work - a.pilot_work == b.work - b.pilot_work && a.samples == b.samples && a.upper_tail == b.upper_tail && a.lower_tail == b.lower_tail &&
-         a.largest == b.largest && a.nonfinite == b.nonfinite && a.first_nonfinite == b.first_nonfinite;
+         a.work - a.pilot_work == b.work - b.pilot_work && a.samples == b.samples && a.upper_tail == b.upper_tail &&
+         a.lower_tail == b.lower_tail && a.largest == b.largest && a.nonfinite == b.nonfinite &&
+         a.first_nonfinite == b.first_nonfinite;
 }
 
 // What is thrown, as text.

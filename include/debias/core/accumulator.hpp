@@ -306,7 +306,7 @@ class Recorder {
   void add(const Sample<V>& sample) {
     detail::check_work(sample.level, sample.work);
     if constexpr (!RealValue<V>) sums_.components.add(sample.value);
-    values_[filled_] = as_scalar(sample.value);
+    values_[filled_] = debias::as_scalar(sample.value);
     levels_[filled_] = sample.level;
     sums_.work += sample.work;
     if (++filled_ == block_size) flush();

@@ -25,6 +25,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
 
@@ -90,7 +91,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   const auto draw = [&](std::int64_t i, auto& record) {
     Stream rng(plan.seed, static_cast<std::uint64_t>(i));
     if (pilot) rng = split(rng, Branch::pilot);
-    return draw_sample(estimator, rng, record);
+    return debias::draw_sample(estimator, rng, record);
   };
   Plan fixed = plan;
   if constexpr (Rehearses<E>) fixed.threads = 1;
@@ -167,7 +168,7 @@ Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_val
   plan.first = result.first;
   if (plan.goal.asked()) plan.samples = result.samples;  // at least
   plan.earlier = std::make_shared<RunState>(result.state);
-  return estimate(estimator, plan);
+  return debias::estimate(estimator, plan);
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
@@ -212,12 +213,26 @@ Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::in
   } record;
   Stream rng(seed, static_cast<std::uint64_t>(index));
   try {
-    auto sample = draw_sample(estimator, rng, record);
+    auto sample = debias::draw_sample(estimator, rng, record);
     detail::check_work(sample.level, sample.work);
     return {std::move(sample), std::move(record.levels)};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);
   }
+}
+
+// What is no estimator.
+template <class E>
+requires(!Estimator<E>) auto estimate(const E& /*estimator*/, const Plan& /*plan*/ = {}) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E, class R>
+requires(!Estimator<E>) auto extend(const E& /*estimator*/, const R& /*result*/, const Plan& /*plan*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E>
+requires(!Estimator<E>) auto trace(const E& /*estimator*/, std::uint64_t /*seed*/, std::int64_t /*index*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
 }
 
 }  // namespace debias

@@ -76,7 +76,7 @@ auto draw_sample(const E& e, Stream& rng, R& record) {
 /// The value type of an estimator's samples.
 template <Estimator E>
 using estimate_value_t =
-    decltype(draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
+    decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
 
 /// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
 /// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers

@@ -66,7 +66,7 @@ Draw<V> base(const V& value, double work = 1) {
 /// A draw of a level above 0 from the fine estimate and its coupled coarse one.
 template <Value V>
 Draw<V> coupled(const V& fine, const V& coarse, double work = 1) {
-  return {fine, difference(fine, coarse), work};
+  return {fine, debias::difference(fine, coarse), work};
 }
 
 namespace detail {
@@ -85,7 +85,7 @@ inline constexpr bool is_shared_draw<SharedDraw<V>> = true;
 }  // namespace detail
 
 template <class S>
-concept BiasedSequence = requires(const S& s, std::int64_t level, Stream& rng) {
+concept BiasedSequence = requires(const S& s, const std::int64_t level, Stream& rng) {
   requires detail::is_draw<std::remove_cvref_t<decltype(s(level, rng))>>;
 };
 
@@ -109,7 +109,7 @@ template <class S>
 struct SequenceValue;
 template <BiasedSequence S>
 struct SequenceValue<S> {
-  using type = decltype(std::declval<const S&>()(std::int64_t{}, std::declval<Stream&>()).value);
+  using type = decltype(std::declval<const S&>()(std::declval<const std::int64_t&>(), std::declval<Stream&>()).value);
 };
 template <TermSequence S>
 requires(!BiasedSequence<S>) struct SequenceValue<S> {
@@ -170,8 +170,8 @@ template <BiasedSequence S>
   Draw<sequence_value_t<S>> draw = s(level, rng);
   if (level == 0) check_level_zero(draw.value, draw.difference);
   if constexpr (!ShowsInDifference<S>) {
-    if (!is_finite(draw.value)) [[unlikely]]
-      draw.difference = nan_like(std::move(draw.difference));
+    if (!debias::is_finite(draw.value)) [[unlikely]]
+      draw.difference = debias::nan_like(std::move(draw.difference));
   }
   return draw;
 }
@@ -186,8 +186,8 @@ Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) 
   } else {
     auto draw = s(level, rng);
     if (level == 0) detail::check_level_zero(draw.value, draw.difference);
-    if (!is_finite(draw.difference)) [[unlikely]]
-      draw.value = nan_like(std::move(draw.value));
+    if (!debias::is_finite(draw.difference)) [[unlikely]]
+      draw.value = debias::nan_like(std::move(draw.value));
     return {std::move(draw.value), draw.work};
   }
 }
@@ -227,12 +227,12 @@ class LevelsOf {
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
       detail::check_work(k, term.work);
-      partial = sum(std::move(partial), term.value);
+      partial = debias::sum(std::move(partial), term.value);
       work += term.work;
     }
     // A term before the last one that is no number spoils the difference, too: the path is one draw.
-    if (!is_finite(partial)) [[unlikely]]
-      term.value = nan_like(std::move(term.value));
+    if (!debias::is_finite(partial)) [[unlikely]]
+      term.value = debias::nan_like(std::move(term.value));
     return {std::move(partial), std::move(term.value), work};
   }
 

@@ -20,6 +20,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -60,7 +61,7 @@ class PartialDerivatives {
   using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
 
   PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
-      : rates(declared), shape_(zero_like(std::move(shape))) {
+      : rates(declared), shape_(debias::zero_like(std::move(shape))) {
     for (std::size_t i = 0; i < component_count(at); ++i) {
       partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
     }
@@ -132,15 +133,30 @@ class PartialDerivatives {
 /// The gradient of x -> f(x) or x -> E f(x, rng) at a vector, as a vector of its type.
 /// Throws as finite_difference does, for each axis.
 template <class F, ArrayValue A>
-PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& options = {}) {
+requires ParameterFunction<detail::AlongAxis<F, A>> PartialDerivatives<F, A, A> gradient(
+    F f, const A& at, const DifferenceOptions& options = {}) {
   return {f, at, at, options, detail::smooth_rates(options)};
 }
 
 /// The Jacobian of a vector-valued f, in a column-major matrix like `shape`: row r, column i is df_r / dx_i.
 /// Throws as finite_difference does, and std::invalid_argument for a shape of another size.
 template <class F, ArrayValue A, ArrayValue J>
-PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
+requires ParameterFunction<detail::AlongAxis<F, A>> PartialDerivatives<F, A, J> jacobian(
+    F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
   return {f, at, J(J::Zero(shape.rows(), shape.cols())), options, detail::smooth_rates(options)};
+}
+
+template <class F, ArrayValue A>
+requires(!ParameterFunction<detail::AlongAxis<F, A>>) auto gradient(const F& /*f*/, const A& /*at*/,
+                                                                    const DifferenceOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const A&>(),
+                        F>();
+}
+template <class F, ArrayValue A, class J>
+requires(!ParameterFunction<detail::AlongAxis<F, A>>) auto jacobian(const F& /*f*/, const A& /*at*/, const J& /*shape*/,
+                                                                    const DifferenceOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const A&>(),
+                        F>();
 }
 
 }  // namespace debias

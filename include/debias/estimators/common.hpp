@@ -55,8 +55,8 @@ concept ReportsValues = requires(const S& s, std::int64_t level, Stream& rng,
 template <BiasedSequence S, Record R>
 [[gnu::always_inline]] inline Term<sequence_value_t<S>> recorded_base(const S& sequence, std::int64_t level,
                                                                       Stream& rng, R& record) {
-  auto term = value_of(sequence, level, rng);
-  record.base(level, as_scalar(term.value), term.work);
+  auto term = debias::value_of(sequence, level, rng);
+  record.base(level, debias::as_scalar(term.value), term.work);
   if constexpr (GivesValues<S> || ReportsValues<S>) record_value(record, level, term.value);
   return term;
 }
@@ -69,16 +69,16 @@ template <BiasedSequence S, Record R>
   if constexpr (ReportsValues<S>) {
     auto term =
         sequence.difference_at(level, rng, [&](const V& value, const V& d) { record_pair(record, level, value, d); });
-    record.difference(level, as_scalar(term.value), term.work);
+    record.difference(level, debias::as_scalar(term.value), term.work);
     return term;
   } else if constexpr (GivesValues<S>) {
     auto draw = whole_draw(sequence, level, rng);
-    record.difference(level, as_scalar(draw.difference), draw.work);
+    record.difference(level, debias::as_scalar(draw.difference), draw.work);
     record_pair(record, level, draw.value, draw.difference);
     return {std::move(draw.difference), draw.work};
   } else {
-    auto term = difference_of(sequence, level, rng);
-    record.difference(level, as_scalar(term.value), term.work);
+    auto term = debias::difference_of(sequence, level, rng);
+    record.difference(level, debias::as_scalar(term.value), term.work);
     return term;
   }
 }
@@ -90,16 +90,17 @@ Sample<sequence_value_t<S>> base_and_difference(const S& sequence, std::int64_t 
   Stream level_stream = split_level(rng, level);
   if constexpr (OffersSharedBase<S>) {
     auto both = sequence.shared(level, m, level_stream);
-    record.base(m, as_scalar(both.base), 0.0);
-    record.difference(level, as_scalar(both.difference), both.work);
-    return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
+    record.base(m, debias::as_scalar(both.base), 0.0);
+    record.difference(level, debias::as_scalar(both.difference), both.work);
+    return {debias::sum(std::move(both.base), debias::scaled(std::move(both.difference), weight)), both.work, level};
   } else {
     Stream base_stream = split_level(rng, m);
     // Nearly every base is level 0: known to the compiler, it leaves no trace of the level in the sequence.
     auto base =
         m == 0 ? recorded_base(sequence, 0, base_stream, record) : recorded_base(sequence, m, base_stream, record);
     auto term = recorded_difference(sequence, level, level_stream, record);
-    return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+    return {debias::sum(std::move(base.value), debias::scaled(std::move(term.value), weight)), base.work + term.work,
+            level};
   }
 }
 

@@ -17,6 +17,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -57,7 +58,7 @@ class IndependentSum {
       Stream level_stream = split_level(rng, level);
       auto term = detail::recorded_difference(sequence_, level, level_stream, record);
       const double weight = inverse_weight(probability(level), level);
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       sample.work += term.work;
     }
     return sample;
@@ -93,6 +94,18 @@ requires DeclaresRates<S> IndependentSum<S, Geometric> independent_sum(S sequenc
                                                                        const IndependentSumOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)&&!std::same_as<P, IndependentSumOptions>) auto independent_sum(
+    const S& /*sequence*/, const P& /*pmf*/, const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(BiasedSequence<S> && DeclaresRates<S>)) auto independent_sum(const S& /*sequence*/,
+                                                                        const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -22,6 +22,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -110,8 +111,8 @@ class Averaged {
   Sample<value_type> operator()(Stream& rng, R& record) const {
     const std::int64_t m = schedule_.level(rng.index());
     Stream base_stream = split_level(rng, m);
-    auto base = value_of(sequence_, m, base_stream);
-    record.base(m, as_scalar(base.value), base.work);
+    auto base = debias::value_of(sequence_, m, base_stream);
+    record.base(m, debias::as_scalar(base.value), base.work);
     return {std::move(base.value), base.work, m};
   }
 
@@ -135,6 +136,17 @@ Progressive<S, P> progressive(S sequence, P law, const Schedule& schedule = {}) 
 template <BiasedSequence S>
 Averaged<S> averaged(S sequence, const Schedule& schedule = {}) {
   return {std::move(sequence), schedule};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)) auto progressive(const S& /*sequence*/, const P& /*pmf*/,
+                                                          const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!BiasedSequence<S>) auto averaged(const S& /*sequence*/, const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -24,6 +24,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -68,15 +69,15 @@ class Roulette {
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
       detail::check_work(k, term.work);
-      sample.value = sum(std::move(sample.value), term.value);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     for (std::int64_t level = base_level_ + 1; level <= last; ++level) {
       term = cursor();
-      record.difference(level, as_scalar(term.value), term.work);
-      sample.value =
-          sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
+      record.difference(level, debias::as_scalar(term.value), term.work);
+      sample.value = debias::sum(std::move(sample.value),
+                                 debias::scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
@@ -191,17 +192,17 @@ class PolicyRoulette {
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
       detail::check_work(k, term.work);
-      sample.value = sum(std::move(sample.value), term.value);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     double weight = 1;
     for (std::int64_t level = base_level_ + 1; level - base_level_ <= most_terms; ++level) {
       if constexpr (!LatePolicy<C>) {
         if (!keep(policy_(level), level, decisions, weight)) return sample;
       }
       term = cursor();
-      const double size = as_scalar(term.value);
+      const double size = debias::as_scalar(term.value);
       record.difference(level, size, term.work);
       sample.level = level;
       sample.work += term.work;
@@ -216,7 +217,7 @@ class PolicyRoulette {
           return sample;
         }
       }
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
     }
     throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a law");
@@ -259,6 +260,19 @@ class PolicyRoulette {
 template <TermSequence S, RoulettePolicy C>
 PolicyRoulette<S, C> roulette(S terms, C policy, const RouletteOptions& options = {}) {
   return {std::move(terms), std::move(policy), options};
+}
+
+// What is none of these.
+template <class S, class P>
+requires(!(TermSequence<S> && (Pmf<P> || RoulettePolicy<P>)) &&
+         !std::same_as<P, RouletteOptions>) auto roulette(const S& /*terms*/, const P& /*pmf*/,
+                                                          const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_terms_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(TermSequence<S> && DeclaresRates<S>)) auto roulette(const S& /*terms*/,
+                                                               const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_terms<S>(), S>();
 }
 
 }  // namespace debias

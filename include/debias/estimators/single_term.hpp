@@ -24,6 +24,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -67,7 +68,7 @@ class SingleTerm {
       Stream level_stream = split_level(rng, level);
       auto term = level == m ? detail::recorded_base(sequence_, level, level_stream, record)
                              : detail::recorded_difference(sequence_, level, level_stream, record);
-      return {scaled(std::move(term.value), weight), term.work, level};
+      return {debias::scaled(std::move(term.value), weight), term.work, level};
     }
     return detail::base_and_difference(sequence_, m, level, weight, rng, record);
   }
@@ -137,6 +138,19 @@ template <BiasedSequence S>
 requires DeclaresRates<S> SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> &&
+           Pmf<P>)&&!std::same_as<P, SingleTermOptions>) auto single_term(const S& /*sequence*/, const P& /*pmf*/,
+                                                                          const SingleTermOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(BiasedSequence<S> && DeclaresRates<S>)) auto single_term(const S& /*sequence*/,
+                                                                    const SingleTermOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_levels<S>(), S>();
 }
 
 }  // namespace debias

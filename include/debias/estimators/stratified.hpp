@@ -29,6 +29,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/estimators/common.hpp>
@@ -126,7 +127,7 @@ class Stratified {
 
   [[nodiscard]] std::string describe() const {
     return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
-           description(estimator_);
+           debias::description(estimator_);
   }
 
  private:
@@ -163,11 +164,11 @@ class Stratified {
       for (std::int64_t j = 1; j < block_; ++j) {
         level = level_of(j);
         auto next = estimator_.draw(level, member(rng, j), record);
-        sample.value = sum(std::move(sample.value), next.value);
+        sample.value = debias::sum(std::move(sample.value), next.value);
         sample.work += next.work;
         sample.level = sample.level > next.level ? sample.level : next.level;
       }
-      sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
+      sample.value = debias::scaled(std::move(sample.value), 1 / static_cast<double>(block_));
       return sample;
     }
   }
@@ -210,7 +211,7 @@ class Stratified {
   }
 
   [[noreturn]] void refuse_slow_tail() const {
-    throw std::invalid_argument("stratified: residual strata with " + description(estimator_) +
+    throw std::invalid_argument("stratified: residual strata with " + debias::description(estimator_) +
                                 " (its tail is not below 1 / " + std::to_string(block_) + " within " +
                                 std::to_string(most_copied_levels) +
                                 " levels: too slow, or no law); take Strata::systematic");
@@ -242,6 +243,23 @@ class Stratified {
 template <StratifiableEstimator E>
 Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
   return {std::move(estimator), block, strata};
+}
+
+namespace detail {
+template <class E>
+constexpr Mistake mistake_in_strata() {
+  if constexpr (Estimator<E>) {
+    return Mistake::not_stratifiable;
+  } else {
+    return mistake_in_estimator<E>();
+  }
+}
+}  // namespace detail
+
+template <class E>
+requires(!StratifiableEstimator<E>) auto stratified(const E& /*estimator*/, std::int64_t /*block*/,
+                                                    Strata /*strata*/ = Strata::systematic) {
+  return detail::refuse<detail::mistake_in_strata<E>(), E>();
 }
 
 }  // namespace debias

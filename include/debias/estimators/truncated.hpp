@@ -12,6 +12,7 @@
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -30,8 +31,8 @@ class Truncated {
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream level_stream = split_level(rng, level_);
-    auto term = value_of(sequence_, level_, level_stream);
-    record.base(level_, as_scalar(term.value), term.work);
+    auto term = debias::value_of(sequence_, level_, level_stream);
+    record.base(level_, debias::as_scalar(term.value), term.work);
     return {std::move(term.value), term.work, level_};
   }
 
@@ -47,6 +48,11 @@ class Truncated {
 template <BiasedSequence S>
 Truncated<S> truncated(S sequence, std::int64_t level) {
   return {std::move(sequence), level};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto truncated(const S& /*sequence*/, std::int64_t /*level*/) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

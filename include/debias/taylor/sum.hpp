@@ -212,7 +212,7 @@ class TaylorSum {
     } else {
       value = detail::constant<value_type>(g_.expand(pivot_)());
     }
-    record.base(0, as_scalar(value), work);
+    record.base(0, debias::as_scalar(value), work);
     return {std::move(value), work, 0};
   }
 
@@ -243,13 +243,15 @@ class TaylorSum {
     const double base_work =
         (drawn ? work_per_draw : 1) + static_cast<double>(draws_at(options_.base_level)) * work_per_draw;
     Sample<value_type> sample{term(0), base_work, order};
-    for (std::int64_t k = 1; k <= options_.base_level; ++k) sample.value = sum(std::move(sample.value), term(k));
-    record.base(options_.base_level, as_scalar(sample.value), base_work);
+    for (std::int64_t k = 1; k <= options_.base_level; ++k)
+      sample.value = debias::sum(std::move(sample.value), term(k));
+    record.base(options_.base_level, debias::as_scalar(sample.value), base_work);
     for (std::int64_t k = options_.base_level + 1; k <= order; ++k) {
       value_type v = term(k);
       const double work = static_cast<double>(draws_at(k) - draws_at(k - 1)) * work_per_draw;
-      record.difference(k, as_scalar(v), work);
-      sample.value = sum(std::move(sample.value), scaled(std::move(v), inverse_weight(probability(k), k)));
+      record.difference(k, debias::as_scalar(v), work);
+      sample.value =
+          debias::sum(std::move(sample.value), debias::scaled(std::move(v), inverse_weight(probability(k), k)));
       sample.work += work;
     }
     return sample;
@@ -279,6 +281,17 @@ TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, con
 template <RandomVariable X, Expandable G, Pmf P>
 TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law, const TaylorSumOptions& options = {}) {
   return {std::move(x), std::move(g), pivot, std::move(law), options};
+}
+
+template <class X, class G, class At, class P>
+requires(!(RandomVariable<X> && Expandable<G> && Pmf<P>)) auto taylor_sum(const X& /*x*/, const G& /*g*/,
+                                                                          const At& /*at*/, const P& /*pmf*/,
+                                                                          const TaylorSumOptions& /*options*/ = {}) {
+  if constexpr (RandomVariable<X> && Expandable<G>) {
+    return detail::refuse<detail::mistake_in_pmf<P>(), P>();
+  } else {
+    return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
+  }
 }
 
 }  // namespace debias

@@ -20,6 +20,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 
 namespace debias {
@@ -78,7 +79,7 @@ Centre best_centre(const G& g, const Moments& pilot) {
   for (const double a : {pilot.mean - shift, pilot.mean + shift}) {
     const Centre other{a, mean_square_about(pilot, a)};
     if (!(g.expand(a).radius > g.expand(pilot.mean).radius)) continue;  // towards the singularity
-    if (decay(g, other) < decay(g, best)) best = other;
+    if (detail::decay(g, other) < detail::decay(g, best)) best = other;
   }
   return best;
 }
@@ -97,7 +98,7 @@ Centre centre(const G& g, const Moments& pilot) {
 /// with a centre where they do.
 template <Expandable G>
 Centre centre(const G& g, const Moments& pilot, double at) {
-  const Centre best = centre(g, pilot);
+  const Centre best = debias::centre(g, pilot);
   const Centre chosen{at, detail::mean_square_about(pilot, at)};
   const double b = detail::decay(g, chosen);
   if (!(b < 1)) {
@@ -195,11 +196,11 @@ class Taylor {
         return {detail::constant<value_type>(series_()), 1};
       }
       taylor_->multiply(power_, value_type(taylor_->x_(*rng_)), inverse_scale_);
-      return {scaled(power_, series_()), detail::work_of(taylor_->x_)};
+      return {debias::scaled(power_, series_()), detail::work_of(taylor_->x_)};
     }
 
     /// True when a factor of zero leaves nothing for all later terms.
-    [[nodiscard]] bool ended() const { return as_scalar(power_) == 0; }
+    [[nodiscard]] bool ended() const { return debias::as_scalar(power_) == 0; }
 
    private:
     const Taylor* taylor_;
@@ -230,7 +231,7 @@ class Taylor {
       c = series();
     }
     if (of_all != 0) c = of_all;
-    return {scaled(std::move(power), c), 1 + static_cast<double>(level) * detail::work_of(x_)};
+    return {debias::scaled(std::move(power), c), 1 + static_cast<double>(level) * detail::work_of(x_)};
   }
 
   /// T_0 + ... + T_level, and T_level.
@@ -240,7 +241,7 @@ class Taylor {
     Draw<value_type> draw{term.value, term.value, term.work};
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
-      draw.value = sum(std::move(draw.value), term.value);
+      draw.value = debias::sum(std::move(draw.value), term.value);
       draw.work += term.work;
     }
     draw.difference = std::move(term.value);
@@ -289,6 +290,22 @@ Taylor<X, G> taylor(X x, const G& g, double at) {
 template <RandomVariable X, Expandable G>
 RatedTaylor<X, G> taylor(X x, const G& g, const Centre& centre) {
   return {std::move(x), g, centre};
+}
+
+namespace detail {
+template <class X, class G>
+constexpr Mistake mistake_in_taylor() {
+  if constexpr (RandomVariable<X>) {
+    return Mistake::no_power_series;
+  } else {
+    return mistake_in_draws<X>();
+  }
+}
+}  // namespace detail
+
+template <class X, class G, class At>
+requires(!(RandomVariable<X> && Expandable<G>)) auto taylor(const X& /*x*/, const G& /*g*/, const At& /*at*/) {
+  return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
 }
 
 }  // namespace debias
