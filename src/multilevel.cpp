@@ -1,14 +1,15 @@
 #include <debias/multilevel.hpp>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <ostream>
 #include <stdexcept>
 #include <string>
 
 #include "core/regression.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -142,7 +143,7 @@ class Driver {
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       const double wanted = std::ceil(std::sqrt(variance_[l] / work_[l]) * roots / budget);
       if (!(wanted < 0x1p53)) {
-        throw std::invalid_argument("multilevel: error = " + std::to_string(error_) +
+        throw std::invalid_argument("multilevel: error = " + format("%f", error_) +
                                     " (asks for more than 2^53 draws of level " + std::to_string(l) + ")");
       }
       const auto have = static_cast<double>(levels_[l].draws);
@@ -209,10 +210,10 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
                                 const MultilevelOptions& options) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("multilevel: " + what); };
   if (!(error > 0 && std::isfinite(error))) {
-    refuse("error = " + std::to_string(error) + " (must be positive and finite)");
+    refuse("error = " + format("%f", error) + " (must be positive and finite)");
   }
   if (!(options.bias_share > 0 && options.bias_share < 1)) {
-    refuse("bias_share = " + std::to_string(options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
+    refuse("bias_share = " + format("%f", options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
   }
   if (options.first_draws < 2) {
     refuse("first_draws = " + std::to_string(options.first_draws) + " (a variance needs two); 1000 is usual");
@@ -227,26 +228,25 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
 }
 
 std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
-  char line[160];
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  std::snprintf(line, sizeof line, "bias          %.2g left out, if the differences go on falling like 2^(-%.2f l)\n",
-                s.bias, s.alpha);
-  out << line;
-  std::snprintf(line, sizeof line, "goal          root mean square error %g: %s, %.3g\n", s.goal,
-                s.converged ? "met" : "NOT met", s.error());
-  out << line;
-  out << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n';
-  std::snprintf(line, sizeof line, "work          %.4g\nseconds       %.3g\n", s.work, s.seconds);
-  out << line;
-  std::snprintf(line, sizeof line, "%5s %10s %12s %12s %10s\n", "level", "draws", "E D", "Var D", "work");
-  out << line;
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
+      << format("%.2f", s.alpha) << " l)\n";
+  out << "goal          root mean square error " << format("%g", s.goal) << (s.converged ? ": met, " : ": NOT met, ")
+      << format("%.3g", s.error()) << '\n';
+  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  out << "work          " << format("%.4g", s.work) << "\nseconds       " << format("%.3g", s.seconds) << '\n';
+  const auto line = [&out](const std::array<std::string, 5>& cells) {
+    constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
+    out << '\n';
+  };
+  line({"level", "draws", "E D", "Var D", "work"});
   for (const MultilevelRow& r : s.rows) {
-    std::snprintf(line, sizeof line, "%5lld %10lld %12.4g %12.4g %10.4g\n", static_cast<long long>(r.level),
-                  static_cast<long long>(r.draws), r.difference, r.variance, r.work);
-    out << line;
+    line({std::to_string(r.level), std::to_string(r.draws), format("%.4g", r.difference), format("%.4g", r.variance),
+          format("%.4g", r.work)});
   }
   return out;
 }

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <ostream>
 #include <stdexcept>
 #include <tuple>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -156,31 +157,27 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string number(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
-}
-
 std::string rate_text(const FittedRate& r) {
   if (std::isinf(r.value)) return "faster than any";
   if (std::isnan(r.value)) return "unknown";
-  return number("%.2f", r.value) + " +- " + number("%.2f", r.error);
+  return format("%.2f", r.value) + " +- " + format("%.2f", r.error);
 }
 
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  char line[256];
-  std::snprintf(line, sizeof line, "%5s %9s %11s %9s %11s %9s %9s %8s %6s %9s %9s  %s\n", "level", "draws", "E I",
-                "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
-  out << line;
+  const auto line = [&out](const std::array<std::string, 12>& cells) {
+    constexpr std::array<std::size_t, 11> widths = {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << right(cells[i], widths[i]) << (i < 10 ? " " : "  ");
+    out << cells.back() << '\n';
+  };
+  line({"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""});
   for (const SurveyRow& r : survey.rows) {
-    std::snprintf(line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
-                  static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
-                  r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
-                  r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
-    out << line;
+    line({std::to_string(r.level), std::to_string(r.draws), format("%.5g", r.mean), format("%.3g", r.variance),
+          format("%.4g", r.difference), format("%.2g", r.difference_error), format("%.3g", r.second_moment),
+          format("%.3g", r.kurtosis), format("%.2f", r.consistency), format("%.4g", r.difference_work),
+          format("%.3g", 1e6 * r.seconds),
+          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))});
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";

@@ -22,6 +22,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -101,7 +102,7 @@ auto steady_state(Step step, Start start, F f, const Rates& rates) {
 /// Throws std::invalid_argument unless 0 <= c < 1.
 inline Rates contraction(double c) {
   if (!(c >= 0 && c < 1)) {
-    throw std::invalid_argument("contraction: c = " + std::to_string(c) +
+    throw std::invalid_argument("contraction: c = " + detail::format("%f", c) +
                                 " (must lie in [0, 1)); a chain that does not contract needs more than this");
   }
   return {-2 * std::log2(c), 0};

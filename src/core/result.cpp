@@ -2,10 +2,12 @@
 
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <ostream>
+#include <string>
 
 #include <boost/math/distributions/students_t.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 
@@ -112,7 +114,7 @@ double error_quantile(double tail, std::int64_t values) {
 
 Interval Statistics::interval(double confidence, std::size_t component) const {
   if (!(confidence > 0 && confidence < 1)) {
-    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
+    throw std::invalid_argument("interval: confidence = " + format("%f", confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   const ComponentEstimate& c = components.at(component);
@@ -144,16 +146,6 @@ double Statistics::efficiency() const {
   return static_cast<double>(samples) / (variance * seconds);
 }
 
-namespace {
-
-std::string format(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
-}
-
-}  // namespace
-
 std::string with_error(double mean, double standard_error) {
   if (!std::isfinite(mean) || !std::isfinite(standard_error)) {
     return format("%.6g", mean) + " +- " + format("%.2g", standard_error);
@@ -165,17 +157,15 @@ std::string with_error(double mean, double standard_error) {
   if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
     return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
   }
-  const double rounded = std::stod(error);
-  char text[64];
+  const double rounded = parse_double(error, "error");
   if (last >= 0) {
     const double unit = std::pow(10.0, last);
-    std::snprintf(text, sizeof text, "%.0f(%.0f)", std::round(mean / unit) * unit, rounded);
-  } else if (last == -1) {  // the error straddles the decimal point and shows it
-    std::snprintf(text, sizeof text, "%.1f(%.1f)", mean, rounded);
-  } else {
-    std::snprintf(text, sizeof text, "%.*f(%c%c)", -last, mean, error[0], error[2]);
+    return format("%.0f", std::round(mean / unit) * unit) + "(" + format("%.0f", rounded) + ")";
   }
-  return text;
+  if (last == -1) {  // the error straddles the decimal point and shows it
+    return format("%.1f", mean) + "(" + format("%.1f", rounded) + ")";
+  }
+  return format({std::chars_format::fixed, -last}, mean) + "(" + error[0] + error[2] + ")";
 }
 
 std::ostream& operator<<(std::ostream& out, const Statistics& s) {

@@ -7,7 +7,12 @@
 #include <string>
 #include <string_view>
 
+#include <debias/core/text.hpp>
+
 namespace debias {
+
+using detail::format;
+using detail::right;
 
 /// The whole of `text` as a finite decimal number. Throws std::invalid_argument that names `what` for anything
 /// else: nan, inf, hexadecimal digits, a leading '+', blanks, trailing characters, or a number that no double

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <span>
 
 #include <debias/core/result.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -37,12 +38,6 @@ constexpr double draws_per_kurtosis_of_base = 10;
 // whose largest has less than that of xi = 0.2 does not decide about the variance, whatever the shape of its
 // values.
 constexpr double irrelevant_share = -0.6;
-
-std::string format(const char* pattern, double x) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), pattern, x);
-  return text.data();
-}
 
 Finiteness below(double value, double error, double border) {
   if (value + confidence * error < border) return Finiteness::finite;
