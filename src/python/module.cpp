@@ -70,16 +70,18 @@ Arguments arguments_of(const Words& words) {
   return a;
 }
 
+bool is_lower(char c) { return 'a' <= c && c <= 'z'; }  // in any locale
+
 // --base-level becomes base_level: the same words, as Python spells them.
 std::string in_python(const std::string& message) {
   std::string text;
   for (std::size_t i = 0; i < message.size(); ++i) {
-    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && std::islower(message[i + 2]) != 0;
+    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && is_lower(message[i + 2]);
     if (!option) {
       text += message[i];
       continue;
     }
-    for (i += 2; i < message.size() && (std::islower(message[i]) != 0 || message[i] == '-'); ++i) {
+    for (i += 2; i < message.size() && (is_lower(message[i]) || message[i] == '-'); ++i) {
       text += message[i] == '-' ? '_' : message[i];
     }
     --i;
@@ -210,7 +212,7 @@ std::string json_of(const cli::Diagnosis& r) { return diagnose_json(r); }
 
 template <class R>
 Report report(const R& r) {
-  std::ostringstream text;
+  std::ostringstream text;  // only texts
   print(text, r);
   return {text.str(), json_of(r)};
 }
