@@ -329,12 +329,25 @@ class Diagnostician {
   std::int64_t count_ = 0;
 };
 
+// Before 2.12 pybind11 reads the descriptors of NumPy 2 in the places of NumPy 1: every array that it makes has strides
+// of 0, so that `samples` was one number n times.
+void refuse_numpy_beyond_pybind11() {
+#if PYBIND11_VERSION_HEX < 0x020C0000
+  const auto version = py::module_::import("numpy").attr("__version__").cast<std::string>();
+  if (std::atoi(version.c_str()) < 2) return;
+  const std::string mine = std::to_string(PYBIND11_VERSION_MAJOR) + "." + std::to_string(PYBIND11_VERSION_MINOR);
+  throw py::import_error("debias: built with pybind11 " + mine + ", which reads arrays of NumPy " + version +
+                         " wrongly; take a NumPy below 2, or build debias with pybind11 2.12 or newer");
+#endif
+}
+
 }  // namespace
 }  // namespace debias::python
 
 PYBIND11_MODULE(_debias, m) {
   using namespace debias;
   using namespace debias::python;
+  refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 
