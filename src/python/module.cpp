@@ -46,6 +46,7 @@ using cli::Watch;
 using Words = std::map<std::string, std::string>;
 using Report = std::pair<std::string, std::string>;  // text and JSON
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Flags = py::array_t<bool, py::array::c_style | py::array::forcecast>;
 using namespace std::chrono_literals;
 
 Arguments arguments_of(const Words& words) {
@@ -308,10 +309,20 @@ Facts facts_of(const py::dict& d) {
 /// Takes pieces of numbers in order.
 class Diagnostician {
  public:
-  void add(const Doubles& piece) {
-    const std::span values(piece.data(), static_cast<std::size_t>(piece.size()));
+  void add(const Doubles& piece, const Flags& left_out) {
+    const auto size = static_cast<std::size_t>(piece.size());
+    if (left_out.size() != piece.size()) throw std::invalid_argument("diagnose: not one flag for each value");
+    const std::span values(piece.data(), size);
+    const std::span flags(left_out.data(), size);
     const py::gil_scoped_release release;
-    for (const double x : values) sums_.add(x, ++count_);  // the program counts from 1
+    for (std::size_t i = 0; i < size; ++i) {
+      ++count_;  // the program counts from 1, and what is left out has a place too
+      if (!flags[i]) {
+        sums_.add(values[i], count_);
+      } else if (++missing_ == 1) {
+        first_missing_ = count_;
+      }
+    }
   }
   Report finish(const std::string& name) {
     const py::gil_scoped_release release;
@@ -319,14 +330,26 @@ class Diagnostician {
     d.file = name;
     d.unit = "value";
     sums_.finish(d);
-    if (d.moments.count == 0) throw std::invalid_argument("diagnose: no value (one at least)");
+    if (d.moments.count == 0) {
+      throw std::invalid_argument(
+          "diagnose: no value (" +
+          (missing_ > 0 ? "all " + std::to_string(missing_) + " are masked or missing" : std::string("one at least")) +
+          ")");
+    }
     conclude(d);
+    if (missing_ > 0) {
+      d.warnings.push_back(std::to_string(missing_) + " of " + std::to_string(count_) +
+                           " values are masked or missing, the first is value " + std::to_string(first_missing_) +
+                           ": they are left out of everything here.");
+    }
     return report(d);
   }
 
  private:
   cli::Sums sums_;
   std::int64_t count_ = 0;
+  std::int64_t missing_ = 0;
+  std::int64_t first_missing_ = 0;
 };
 
 // Before 2.12 pybind11 reads the descriptors of NumPy 2 in the places of NumPy 1: every array that it makes has strides

@@ -15,7 +15,7 @@ import json
 import math
 import numbers
 import warnings
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -393,16 +393,44 @@ def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, se
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
-    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides."""
-    array = np.asanyarray(values)
-    if array.dtype.kind not in "fiu":
+    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides.
+
+    Booleans are 0 and 1. What is masked, or NA in pandas, is left out; a warning of the result says how much.
+    """
+    array, missing = _numbers(values)
+    if array.dtype.kind not in "fiub":
         raise TypeError(f"values: an array of {array.dtype} (must be of real numbers)")
     diagnostician = _debias.Diagnostician()
-    pieces = np.nditer(array, flags=["external_loop", "buffered", "zerosize_ok"], op_dtypes=[np.float64],
+    pieces = np.nditer([array, np.False_ if missing is None else missing],
+                       flags=["external_loop", "buffered", "zerosize_ok"], op_dtypes=[np.float64, np.bool_],
                        casting="same_kind", order="C", buffersize=1 << 16)
-    for piece in pieces if array.size else ():
-        diagnostician.add(piece)
+    for piece, left_out in pieces if array.size else ():
+        diagnostician.add(piece, left_out)
     return Diagnosis(*diagnostician.finish(name))
+
+
+def _has_mask(values: Any) -> bool:
+    if isinstance(values, (list, tuple)):
+        return any(_has_mask(x) for x in values)
+    return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
+
+
+def _numbers(values: Any) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+    """An array, and which of its numbers are missing: masked, or NA in one of pandas' types that can say so."""
+    kind = getattr(getattr(values, "dtype", None), "numpy_dtype", None)
+    if kind is not None and hasattr(values, "isna") and hasattr(values, "to_numpy"):
+        missing = np.asarray(values.isna(), dtype=bool)
+        array = values.to_numpy(dtype=kind, na_value=np.zeros((), kind)[()])
+    elif _has_mask(values):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # in lists: "a masked element to nan"
+            masked = np.ma.array(values)
+        array, missing = masked.data, np.ma.getmaskarray(masked)
+        if missing.dtype != bool:  # of records, which are no numbers
+            missing = None
+    else:
+        array, missing = np.asarray(values), None
+    return np.asarray(array), missing if missing is not None and missing.any() else None
 
 
 def problems() -> list:
@@ -422,8 +450,9 @@ def laws() -> list:
 
 
 def normal_quantile(uniforms: Any) -> np.ndarray:
-    """Standard normal numbers from uniform ones, the bits of C++."""
-    return _debias.normal_quantile(uniforms)
+    """Standard normal numbers from uniform ones, the bits of C++. A mask stays."""
+    numbers_of = _debias.normal_quantile(uniforms)
+    return np.ma.array(numbers_of, mask=np.ma.getmaskarray(uniforms)) if _has_mask(uniforms) else numbers_of
 
 
 def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[int, Callable[[int], int]],
@@ -513,7 +542,10 @@ def _mean(integrand: Any, g: str, points: str, dimension: int, low: float, high:
 
 def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs: np.ndarray) -> np.ndarray:
     where = "" if level is None else f" at level {level}"
-    array = np.asarray(out)
+    array, missing = _numbers(out)
+    if missing is not None:
+        raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left out "
+                         "would be a bias); return a number for each row")
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")
