@@ -6,6 +6,11 @@
 `problems()` lists the problems with known answers; `levels`, `function_of_mean` and `function_of_integral` make one of
 your own from a NumPy function. The same seed gives the same bits as the program `debias` and as C++, on any number of
 threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
+
+Every `seed` is a whole number of 64 bits, 1 where it is left out. None takes a fresh one from the operating system. A
+`numpy.random.Generator` gives its next 64 bits, `integers(2**64, dtype=uint64)`, so that each call is another run; a
+`numpy.random.SeedSequence` gives `generate_state(1, uint64)`, the same each time: spawn it for independent runs. The
+result holds the number that was taken, as `seed`.
 """
 
 from __future__ import annotations
@@ -14,6 +19,8 @@ import html
 import json
 import math
 import numbers
+import operator
+import secrets
 import warnings
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Tuple, Union
 
@@ -27,13 +34,14 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
+    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
     "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey",
     "tradeoff",
 ]
 
 Problem = _debias.UserProblem
 Number = Union[int, float, str]
+Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
@@ -103,6 +111,13 @@ class Report:
         """What is known of each level, as a structured array."""
         return _table(self._data["levels"])
 
+    @property
+    def seed(self) -> int:
+        """Of all random numbers, also where it was taken fresh: the same one gives the same bits."""
+        if "seed" not in self._data:
+            raise AttributeError(f"seed (a {type(self).__name__} draws nothing)")
+        return self._data["seed"]
+
 
 class Result(Report):
     """An estimate and its doubt."""
@@ -138,10 +153,6 @@ class Result(Report):
     @property
     def samples(self) -> int:
         return self._known("samples")
-
-    @property
-    def seed(self) -> int:
-        return self._data["seed"]
 
     @property
     def work(self) -> float:
@@ -213,6 +224,23 @@ class Diagnosis(Report):
         return list(self._data["warnings"])
 
 
+class Samples(np.ndarray):
+    """An array of samples that knows the `seed` they were drawn with."""
+
+    seed: Union[None, int, str] = None
+
+    def __array_finalize__(self, origin: Any) -> None:
+        self.seed = getattr(origin, "seed", None)
+
+    def __reduce__(self) -> Any:
+        rebuild, arguments, state = super().__reduce__()
+        return rebuild, arguments, (state, self.seed)
+
+    def __setstate__(self, state: Any) -> None:
+        super().__setstate__(state[0])
+        self.seed = state[1]
+
+
 def _number(x: Any) -> float:
     return math.nan if x is None else x
 
@@ -247,6 +275,28 @@ def _word(name: str, value: Any) -> str:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
     return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+
+
+def _seed(seed: Any) -> Union[int, str]:
+    """The number that a seed stands for; a text is the program's word for one."""
+    if seed is None:
+        return secrets.randbits(64)
+    if isinstance(seed, str):
+        return seed
+    if isinstance(seed, np.random.Generator):
+        return int(seed.integers(2**64, dtype=np.uint64))
+    if isinstance(seed, np.random.SeedSequence):
+        return int(seed.generate_state(1, np.uint64)[0])
+    try:
+        if isinstance(seed, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(seed)
+    except TypeError:
+        raise TypeError(f"seed: {type(seed).__name__} (must be a whole number, None for a fresh one, or a Generator or "
+                        "SeedSequence of numpy.random)") from None
+    if not 0 <= number < 2**64:
+        raise ValueError(f"seed = {number} (must lie in 0 ... 2^64 - 1)")
+    return number
 
 
 def _problem(problem: Any) -> Any:
@@ -298,7 +348,7 @@ class _Bar:
 # ---- commands
 
 
-def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
              relative_error: Optional[Number] = None, time: Optional[Number] = None,
@@ -314,7 +364,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     Issues a DebiasWarning for each doubt of the result.
     """
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
+    words = _words(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator,
                    law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
                    error=error, relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
@@ -338,10 +388,14 @@ def _warn(result: Result) -> None:
         warnings.warn(text, category, stacklevel=3)
 
 
-def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: int = 0,
+def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
             estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
-            block: Optional[Number] = None, progress: Progress = None) -> np.ndarray:
-    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages."""
+            block: Optional[Number] = None, progress: Progress = None) -> Samples:
+    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages.
+
+    The array knows its `seed`.
+    """
+    seed = _seed(seed)
     for name, value, least in (("n", n, 1), ("first", first, 0)):
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
@@ -351,42 +405,47 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: in
                    base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, words, int(n), int(first), bar)
-    return values.reshape(n, -1) if values.size != n else values
+    result = (values.reshape(n, -1) if values.size != n else values).view(Samples)
+    result.seed = seed
+    return result
 
 
-def replay(problem: Union[str, Problem], sample: Number, *, seed: Number, estimator: Optional[str] = None,
+def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
            law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
     """One sample of a run again, with every level that it touched."""
-    words = _words(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+    if seed is None or isinstance(seed, np.random.Generator):
+        raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
+                        "its result")
+    words = _words(sample=sample, seed=_seed(seed), estimator=estimator, law=_law(_problem(problem), law, estimator),
                    base_level=base_level, block=block)
     return Report(*_debias.replay(problem, words, None))
 
 
-def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Number = 1,
+def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Seed = 1,
            threads: Number = 0, progress: Progress = None) -> Report:
     """Measures the levels: how differences decay, how work grows, and whether a law exists."""
-    words = _words(levels=levels, samples=samples, seed=seed, threads=threads)
+    words = _words(levels=levels, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
         return Report(*_debias.survey(_problem(problem), words, bar))
 
 
 def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points: Number = 15,
-             samples: Number = 100_000, seed: Number = 1, threads: Number = 0, estimator: Optional[str] = None,
+             samples: Number = 100_000, seed: Seed = 1, threads: Number = 0, estimator: Optional[str] = None,
              base_level: Optional[Number] = None, block: Optional[Number] = None,
              progress: Progress = None) -> Report:
     """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
-    words = _words(family=family, points=points, samples=samples, seed=seed, threads=threads, estimator=estimator,
+    words = _words(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads, estimator=estimator,
                    base_level=base_level, block=block)
     with _Bar(progress) as bar:
         return Report(*_debias.tradeoff(_problem(problem), words, bar))
 
 
-def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
            relative_error: Optional[Number] = None, time: Optional[Number] = None,
            progress: Progress = None) -> Report:
     """What a pilot would choose: base level, law and strata, and what they are worth."""
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator, base_level=base_level,
+    words = _words(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
                    error=error, relative_error=relative_error, time=time, law="auto")
     with _Bar(progress) as bar:
         return Report(*_debias.recipe(_problem(problem), words, bar))
