@@ -423,6 +423,12 @@ class Plots(unittest.TestCase):
         for problem in ("D03", "A10"):  # polynomial and geometric
             self.assertEqual(plot.survey(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
         plot.tail(np.ones(100))  # no tail at all
+        masked = np.ma.array(np.append(values, 1e9), mask=[False] * len(values) + [True])
+        x = [plot.tail(v).lines[0].get_xdata() for v in (values, masked)]
+        np.testing.assert_array_equal(*x)
+        pixels = np.ma.array([[1.0, 2.0], [3.0, 1e9]], mask=[[0, 0], [0, 1]])
+        shown = plot.error_map(pixels, np.ones((2, 2))).images[0].get_array()
+        self.assertEqual(np.isfinite(np.ma.filled(shown, np.nan)).sum(), 3)
         plt.gcf().canvas.draw()
         plt.close("all")
 
@@ -492,10 +498,10 @@ class BadInput(unittest.TestCase):
         whole = debias.function_of_mean(lambda x: np.ma.array(1 + x[:, 0]), "log")
         plain = debias.function_of_mean(lambda x: 1 + x[:, 0], "log")
         np.testing.assert_array_equal(debias.samples(whole, 500), debias.samples(plain, 500))
-        for kind, answer in (("object", lambda u: u[:, 0].astype(object)), ("datetime64", lambda u: u[:, 0].astype("M8[s]")),
-                             ("timedelta64", lambda u: u[:, 0].astype("m8[s]")), ("complex64", lambda u: u[:, 0] + 0j),
-                             ("U", lambda u: u[:, 0].astype(str))):
-            kind = kind if kind != "complex64" else "complex128"
+        for kind, answer in (("object", lambda u: u[:, 0].astype(object)),
+                             ("datetime64", lambda u: u[:, 0].astype("M8[s]")),
+                             ("timedelta64", lambda u: u[:, 0].astype("m8[s]")),
+                             ("complex128", lambda u: u[:, 0] + 0j), ("U", lambda u: u[:, 0].astype(str))):
             self.raises(TypeError, f"returned .*{kind}", run, lambda k, u: answer(u))
         with np.errstate(over="ignore"):
             self.raises(ValueError, "returned inf", run, lambda k, u: (u[:, 0] * 1e9).astype(np.float16))

@@ -34,9 +34,9 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
-    "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey",
-    "tradeoff",
+    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral",
+    "function_of_mean", "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
+    "stream_version", "survey", "tradeoff",
 ]
 
 Problem = _debias.UserProblem
@@ -434,8 +434,8 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
              base_level: Optional[Number] = None, block: Optional[Number] = None,
              progress: Progress = None) -> Report:
     """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
-    words = _words(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads, estimator=estimator,
-                   base_level=base_level, block=block)
+    words = _words(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads,
+                   estimator=estimator, base_level=base_level, block=block)
     with _Bar(progress) as bar:
         return Report(*_debias.tradeoff(_problem(problem), words, bar))
 
@@ -603,8 +603,8 @@ def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs
     where = "" if level is None else f" at level {level}"
     array, missing = _numbers(out)
     if missing is not None:
-        raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left out "
-                         "would be a bias); return a number for each row")
+        raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left "
+                         "out would be a bias); return a number for each row")
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")
