@@ -1,6 +1,6 @@
 #!/bin/sh
-# The Python package under NumPy 2, whatever NumPy the build has: a module built with pybind11 from PyPI passes the tests
-# of the package, and the module of the build, if its pybind11 is older than 2.12, refuses in one sentence.
+# The Python package under NumPy 2, whatever NumPy the build has: a module built with pybind11 from PyPI passes the
+# tests of the package, and the module of the build, if its pybind11 is older than 2.12, refuses in one sentence.
 #   sh tests/python/numpy2.sh BUILD PYTHON      BUILD has the program and the libraries
 # Skipped (exit 77) where pip cannot reach PyPI.
 set -eu
@@ -17,8 +17,9 @@ skip() {
 }
 "$python" -m venv "$here/env" > "$here/log" 2>&1 || skip "no venv (Debian: package python3-venv)"
 two=$here/env/bin/python
-"$two" -m pip install -q --timeout 10 --retries 1 'numpy>=2' 'pybind11>=2.12' > "$here/log" 2>&1 || skip "no NumPy 2 from PyPI"
-"$two" -m pip install -q --timeout 10 --retries 1 pandas > "$here/log" 2>&1 || echo "numpy2.sh: without pandas"
+install() { "$two" -m pip install -q --timeout 10 --retries 1 "$@" > "$here/log" 2>&1; }
+install 'numpy>=2' 'pybind11>=2.12' || skip "no NumPy 2 from PyPI"
+install pandas || echo "numpy2.sh: without pandas"
 ask() { "$two" -c "$1"; }
 echo "NumPy $(ask 'import numpy; print(numpy.__version__)'), pybind11 $(ask 'import pybind11; print(pybind11.__version__)')"
 
@@ -29,7 +30,8 @@ assert len(set(debias.samples("A10", 50).tolist())) == 50, "one number many time
   echo "the module of the build knows NumPy 2"
 else
   tail -n 1 "$here/out"
-  [ "$(grep -c '^ImportError: debias: built with pybind11 2[.][0-9]*, which reads arrays of NumPy 2.* wrongly; ' "$here/out")" -eq 1 ] ||
+  tail -n 1 "$here/out" |
+    grep -q '^ImportError: debias: built with pybind11 2[.][0-9]*, which reads arrays of NumPy 2.* wrongly; ' ||
     { cat "$here/out"; echo "FAILED: the module of the build neither works nor says why"; exit 1; }
 fi
 
@@ -47,7 +49,8 @@ for name in module problem; do
     -c "$root/src/python/$name.cpp" -o "$here/$name.o"
   objects="$objects $here/$name.o"
 done
-"${CXX:-g++}" -shared -o "$package/_debias$(ask 'import sysconfig; print(sysconfig.get_config_var("EXT_SUFFIX"))')" $objects \
+suffix=$(ask 'import sysconfig; print(sysconfig.get_config_var("EXT_SUFFIX"))')
+"${CXX:-g++}" -shared -o "$package/_debias$suffix" $objects \
   -L"$build" -ldebias_commands -ldebias_catalog -ldebias -Wl,-rpath,"$build" -lpthread
 PYTHONPATH=$here/python DEBIAS_PROGRAM=$build/bin/debias DEBIAS_SAME_BITS=$build/bin/debias_same_bits \
   "$two" "$root/tests/python/debias_test.py"
