@@ -1,6 +1,7 @@
 #include <debias/multilevel.hpp>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <ostream>
@@ -157,7 +158,7 @@ class Driver {
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       const double wanted = std::ceil(std::sqrt(variance_[l] / work_[l]) * roots / budget);
       if (!(wanted < 0x1p53)) {
-        throw std::invalid_argument("multilevel: error = " + std::to_string(error_) +
+        throw std::invalid_argument("multilevel: error = " + format("%f", error_) +
                                     " (asks for more than 2^53 draws of level " + std::to_string(l) + ")");
       }
       const auto have = static_cast<double>(levels_[l].draws);
@@ -245,10 +246,10 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
                                 const MultilevelOptions& options) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("multilevel: " + what); };
   if (!(error > 0 && std::isfinite(error))) {
-    refuse("error = " + std::to_string(error) + " (must be positive and finite)");
+    refuse("error = " + format("%f", error) + " (must be positive and finite)");
   }
   if (!(options.bias_share > 0 && options.bias_share < 1)) {
-    refuse("bias_share = " + std::to_string(options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
+    refuse("bias_share = " + format("%f", options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
   }
   if (options.first_draws < 2) {
     refuse("first_draws = " + std::to_string(options.first_draws) + " (a variance needs two); 1000 is usual");
@@ -271,22 +272,23 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  out << "bias          " << formatted("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
-      << formatted("%.2f", s.alpha) << " l)\n"
-      << "goal          root mean square error " << formatted("%g", s.goal) << ": "
-      << (s.goal_met() ? "met" : "NOT met") << ", " << formatted("%.3g", s.error()) << '\n'
-      << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n'
-      << "work          " << formatted("%.4g", s.work) << ", of that " << formatted("%.4g", s.pilot_work)
-      << " in the first draws, which planned the others\nseconds       " << formatted("%.3g", s.seconds) << '\n';
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
+      << format("%.2f", s.alpha) << " l)\n";
+  out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
+      << format("%.3g", s.error()) << '\n';
+  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
+      << " in the first draws, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
   for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
-  const auto cell = [](std::size_t width, const std::string& text) {
-    return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
+  const auto line = [&out](const std::array<std::string, 5>& cells) {
+    constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
+    out << '\n';
   };
-  const auto number = [](double x) { return std::isfinite(x) ? formatted("%.4g", x) : std::string("-"); };
-  out << cell(5, "level") << cell(11, "draws") << cell(13, "E D") << cell(13, "Var D") << cell(11, "work") << '\n';
+  const auto number = [](double x) { return std::isfinite(x) ? format("%.4g", x) : std::string("-"); };
+  line({"level", "draws", "E D", "Var D", "work"});
   for (const MultilevelRow& r : s.rows) {
-    out << cell(5, std::to_string(r.level)) << cell(11, std::to_string(r.draws)) << cell(13, number(r.difference))
-        << cell(13, number(r.variance)) << cell(11, number(r.work)) << '\n';
+    line({std::to_string(r.level), std::to_string(r.draws), number(r.difference), number(r.variance), number(r.work)});
   }
   return out;
 }

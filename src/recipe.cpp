@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <map>
@@ -35,8 +34,6 @@ constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth mom
 constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
 constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
-
-std::string text(std::string_view pattern, double x) { return formatted(pattern, x); }
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
@@ -249,7 +246,8 @@ void set_members(Advice& advice, double members) {
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
   if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) + " members (does not fit 64 bits)");
+    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", members) +
+                                " members (does not fit 64 bits)");
   }
   advice.members = static_cast<std::int64_t>(blocks) * advice.block;
 }
@@ -277,8 +275,8 @@ std::string rate_text(const MeasuredRates& r) {
   if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
   const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
   const char* end = r.kind == RateKind::polynomial ? "" : ")";
-  return "E D_k^2 falls like " + std::string(unit) + text("%.2f", -r.variance.value) + end + " (+- " +
-         text("%.2f", r.variance.error) + "), work grows like " + unit + text("%.2f", r.work.value) + end;
+  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -r.variance.value) + end + " (+- " +
+         format("%.2f", r.variance.error) + "), work grows like " + unit + format("%.2f", r.work.value) + end;
 }
 
 void describe_none(Advice& a) {
@@ -294,13 +292,14 @@ void describe_none(Advice& a) {
       (a.survey.law_exists == Answer::no
            ? "no law has finite variance and finite work: "
            : "cannot tell yet whether a law has finite variance and finite work, and as measured in " +
-                 text("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
+                 format("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
       rate_text(r));
   std::string best = "the best with finite work is " + a.law.spec();
-  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + text("%.3g", a.highest_moment);
+  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
   if (!polynomial && r.variance.value > 0 && work > 0) {
-    best += " (stable index " + text("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
-            " in the limit), the error falls like work^-" + text("%.2g", std::min(0.5, r.variance.value / (2 * work)));
+    best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
+            " in the limit), the error falls like work^-" +
+            format("%.2g", std::min(0.5, r.variance.value / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -318,12 +317,12 @@ void describe(Advice& a) {
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
   const bool together = a.runs_together && a.block > 1;
-  std::string efficiency = "variance " + text("%.3g", a.predicted.variance) + " x work " +
-                           text("%.4g", a.predicted.work) +
-                           " predicted for a member: " + text("%.3g", a.predicted.product());
+  std::string efficiency = "variance " + format("%.3g", a.predicted.variance) + " x work " +
+                           format("%.4g", a.predicted.work) +
+                           " predicted for a member: " + format("%.3g", a.predicted.product());
   if (a.bound > 0) {
-    efficiency += ", " + text("%.3g", a.predicted.product() / a.bound) +
-                  " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
+    efficiency += ", " + format("%.3g", a.predicted.product() / a.bound) +
+                  " times the bound (sum of sqrt(Var D work))^2 = " + format("%.3g", a.bound) +
                   (a.shares_base || together ? " of draws that share nothing" : "");
   }
   if (together) efficiency += " and are not stratified by their first number";
@@ -331,14 +330,14 @@ void describe(Advice& a) {
   const double rho = a.exponent.exponent;
   std::string moments =
       rate_text(r) + ", the tail of the law like " +
-      (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho) : "2^(k x " + text("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment)) moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+      (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
+  if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
   if (a.price != 1) {
     a.sentences.push_back((a.deepest_level == deepest_of_all
                                ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
                           std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
-                          text("%.3g", a.price) + " times its variance x work");
+                          format("%.3g", a.price) + " times its variance x work");
   }
   if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
@@ -457,7 +456,8 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
     name = "";
   }
-  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size() << " levels";
+  out << "pilot         work " << format("%.4g", advice.pilot_work) << ", " << std::to_string(advice.survey.rows.size())
+      << " levels";
   for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
   return out << '\n';
 }

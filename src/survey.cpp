@@ -168,31 +168,30 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string number(std::string_view pattern, double x) { return formatted(pattern, x); }
-
-/// Right-aligned; "-" for what is no number.
-std::string cell(std::size_t width, std::string_view pattern, double x) {
-  const std::string text = std::isfinite(x) ? number(pattern, x) : "-";
-  return std::string(width > text.size() ? width - text.size() : 0, ' ') + text + ' ';
-}
-
 std::string rate_text(const FittedRate& r) {
   if (std::isinf(r.value)) return "faster than any";
   if (std::isnan(r.value)) return "unknown";
-  return number("%.2f", r.value) + " +- " + number("%.2f", r.error);
+  return format("%.2f", r.value) + " +- " + format("%.2f", r.error);
 }
 
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  out << "level     draws         E I     Var I         E D        +-     E D^2 kurtosis      z      work        us  "
-         "\n";
+  const auto line = [&out](const std::array<std::string, 12>& cells) {
+    constexpr std::array<std::size_t, 11> widths = {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << right(cells[i], widths[i]) << (i < 10 ? " " : "  ");
+    out << cells.back() << '\n';
+  };
+  const auto number = [](detail::NumberPattern pattern, double x) {
+    return std::isfinite(x) ? format(pattern, x) : std::string("-");
+  };
+  line({"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""});
   for (const SurveyRow& r : survey.rows) {
-    out << cell(5, "%.0f", static_cast<double>(r.level)) << cell(9, "%.0f", static_cast<double>(r.draws))
-        << cell(11, "%.5g", r.mean) << cell(9, "%.3g", r.variance) << cell(11, "%.4g", r.difference)
-        << cell(9, "%.2g", r.difference_error) << cell(9, "%.3g", r.second_moment) << cell(8, "%.3g", r.kurtosis)
-        << cell(6, "%.2f", r.consistency) << cell(9, "%.4g", r.difference_work) << cell(9, "%.3g", 1e6 * r.seconds)
-        << ' ' << (r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))) << '\n';
+    line({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean), number("%.3g", r.variance),
+          number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
+          number("%.3g", r.kurtosis), number("%.2f", r.consistency), number("%.4g", r.difference_work),
+          number("%.3g", 1e6 * r.seconds),
+          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))});
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";

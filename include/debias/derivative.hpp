@@ -26,7 +26,6 @@
 #include <limits>
 #include <optional>
 #include <span>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -39,6 +38,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -199,17 +199,17 @@ class FiniteDifference {
     truncation = seen && finite && fall > 0 && doubt.empty() ? 2 * truncation / (1 - std::exp2(-fall))
                                                              : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
-    std::ostringstream text;
-    text << "finite differences end at level " << last_level_ << "; truncation " << truncation;
+    std::string text = "finite differences end at level " + std::to_string(last_level_) + "; truncation " +
+                       detail::format("%g", truncation);
     if (!doubt.empty()) {
-      text << ", since " << doubt;
+      text += ", since " + doubt;
     } else if (!finite) {
-      text << ", since the differences are not finite";
+      text += ", since the differences are not finite";
     } else {
-      text << " if E D_k^2 falls like 2^(-" << rates.variance << " k)";
+      text += " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance) + " k)";
     }
-    text << ", rounding " << rounding << " if f is good to one unit in the last place";
-    return {truncation + rounding, text.str()};
+    text += ", rounding " + detail::format("%g", rounding) + " if f is good to one unit in the last place";
+    return {truncation + rounding, text};
   }
 
   /// How far rounding in f may move I_level.
@@ -442,18 +442,18 @@ class FiniteDifference {
   }
 
   [[noreturn]] void refuse(const std::string& why) const {
-    std::ostringstream text;
-    text << "finite_difference: at = " << at_ << ", first_step = " << options_.first_step
-         << ", ratio = " << options_.ratio << " (" << why << ")";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument("finite_difference: at = " + detail::format("%g", at_) +
+                                ", first_step = " + detail::format("%g", options_.first_step) +
+                                ", ratio = " + detail::format("%g", options_.ratio) + " (" + why + ")");
   }
 
   [[noreturn]] void beyond_last(std::int64_t level) const {
-    std::ostringstream text;
-    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * " << options_.ratio
-         << "^" << level << " beside at = " << at_ << " is lost in rounding; the last level is " << last_level_
-         << ": take a law that reaches deep levels less often, or BeyondLast::truncates";
-    throw std::length_error(text.str());
+    const std::string k = std::to_string(level);
+    throw std::length_error("finite_difference: at level " + k + " the step " +
+                            detail::format("%g", options_.first_step) + " * " + detail::format("%g", options_.ratio) +
+                            "^" + k + " beside at = " + detail::format("%g", at_) +
+                            " is lost in rounding; the last level is " + std::to_string(last_level_) +
+                            ": take a law that reaches deep levels less often, or BeyondLast::truncates");
   }
 
   F f_;

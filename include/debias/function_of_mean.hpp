@@ -35,6 +35,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/function_of_mean/points.hpp>
 
@@ -403,8 +404,8 @@ class Doubling {
 /// Throws std::invalid_argument unless pole >= 0, and moments and power are positive and finite.
 inline std::int64_t base_level_for_pole(double pole, double moments = 4, double power = 1) {
   if (!(pole >= 0 && moments > 0 && power > 0) || !std::isfinite(pole * moments / power)) {
-    throw std::invalid_argument("base_level_for_pole: pole = " + std::to_string(pole) +
-                                ", moments = " + std::to_string(moments) + ", power = " + std::to_string(power) +
+    throw std::invalid_argument("base_level_for_pole: pole = " + detail::format("%f", pole) + ", moments = " +
+                                detail::format("%f", moments) + ", power = " + detail::format("%f", power) +
                                 " (must be positive and finite; a pole of 0, a logarithm, needs nothing)");
   }
   std::int64_t level = 0;

@@ -30,6 +30,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/vector_math.hpp>
 #include <debias/power_series.hpp>
@@ -44,8 +45,8 @@ inline double nearer_half(double a, double b) {
 }
 
 [[noreturn]] inline void refuse_centre(const char* function, double a, const char* domain) {
-  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + std::to_string(a) + " (must " +
-                              domain + ")");
+  throw std::invalid_argument(std::string("functions::") + function + ": centre = " + debias::detail::format("%f", a) +
+                              " (must " + domain + ")");
 }
 inline void require_centre(bool holds, const char* function, double a, const char* domain) {
   if (!holds || !std::isfinite(a)) [[unlikely]]

@@ -22,7 +22,6 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -33,6 +32,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/series.hpp>
 
 namespace debias {
@@ -105,9 +105,8 @@ template <LinearOperator A>
 double radius_below(const char* name, const A& a, double limit, const char* advice) {
   const double radius = debias::spectral_radius(a);
   if (!(radius < limit)) {
-    std::ostringstream text;
-    text << "estimated spectral radius = " << radius << " (must be below " << limit << "); " << advice;
-    refuse_operator(name, text.str());
+    refuse_operator(name, "estimated spectral radius = " + format("%g", radius) + " (must be below " +
+                              format("%g", limit) + "); " + advice);
   }
   return radius;
 }

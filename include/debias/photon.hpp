@@ -27,6 +27,7 @@
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/radius.hpp>
 
@@ -89,12 +90,12 @@ class RadialKernel {
 namespace detail {
 inline void require_radius(const char* name, double radius, double photons) {
   if (radius > 0 && std::isfinite(radius) && photons >= 1 && std::isfinite(photons)) return;
-  throw std::invalid_argument(std::string(name) + ": radius = " + std::to_string(radius) + ", photons = " +
-                              std::to_string(photons) + " (must be positive and finite, and at least 1)");
+  throw std::invalid_argument(std::string(name) + ": radius = " + detail::format("%f", radius) + ", photons = " +
+                              detail::format("%f", photons) + " (must be positive and finite, and at least 1)");
 }
 inline std::int64_t whole_photons(double n) {
   if (n < 0x1p62) return static_cast<std::int64_t>(std::ceil(n));
-  throw std::length_error("photon: a level needs " + std::to_string(n) +
+  throw std::length_error("photon: a level needs " + detail::format("%f", n) +
                           " photons (beyond int64); choose a law with a lighter tail");
 }
 /// The last level whose number of photons, which grows, is one.
@@ -141,11 +142,11 @@ struct GeometricRadii {
   void check() const {
     detail::require_radius("GeometricRadii", radius, photons);
     if (shrink > 1 && growth > 1 && std::isfinite(shrink) && std::isfinite(growth)) return;
-    throw std::invalid_argument("GeometricRadii: shrink = " + std::to_string(shrink) +
-                                ", growth = " + std::to_string(growth) + " (must be finite and above 1)");
+    throw std::invalid_argument("GeometricRadii: shrink = " + detail::format("%f", shrink) +
+                                ", growth = " + detail::format("%f", growth) + " (must be finite and above 1)");
   }
   [[nodiscard]] std::string describe() const {
-    return "r^2 / " + std::to_string(shrink) + " and photons x " + std::to_string(growth) + " a level";
+    return "r^2 / " + detail::format("%f", shrink) + " and photons x " + detail::format("%f", growth) + " a level";
   }
 };
 
@@ -171,12 +172,12 @@ struct AlphaRadii {
   void check() const {
     detail::require_radius("AlphaRadii", radius, photons);
     if (alpha > 0 && alpha < 1 && c >= 0 && c * alpha <= 1) return;
-    throw std::invalid_argument("AlphaRadii: alpha = " + std::to_string(alpha) + ", c = " + std::to_string(c) +
-                                " (must lie in (0, 1), and in [0, 1 / alpha])");
+    throw std::invalid_argument("AlphaRadii: alpha = " + detail::format("%f", alpha) +
+                                ", c = " + detail::format("%f", c) + " (must lie in (0, 1), and in [0, 1 / alpha])");
   }
   [[nodiscard]] std::string describe() const {
-    return "r^2 ~ k^(alpha - 1), photons ~ k^(1 - c alpha), alpha = " + std::to_string(alpha) +
-           ", c = " + std::to_string(c);
+    return "r^2 ~ k^(alpha - 1), photons ~ k^(1 - c alpha), alpha = " + detail::format("%f", alpha) +
+           ", c = " + detail::format("%f", c);
   }
 };
 
@@ -264,7 +265,7 @@ class ProgressivePhotons {
   ProgressivePhotons(S source, const ProgressiveRadii& radii) : source_(std::move(source)), radii_(radii) {
     detail::require_radius("progressive_photons", radii.radius, radii.photons);
     if (radii.alpha > 0 && radii.alpha <= 1) return;
-    throw std::invalid_argument("progressive_photons: alpha = " + std::to_string(radii.alpha) +
+    throw std::invalid_argument("progressive_photons: alpha = " + detail::format("%f", radii.alpha) +
                                 " (must lie in (0, 1]; 2/3 is best, 1 keeps the radius)");
   }
   Sample<double> operator()(Stream& rng) const {
@@ -280,7 +281,7 @@ class ProgressivePhotons {
     return {sum / count, count};
   }
   [[nodiscard]] std::string describe() const {
-    return "progressive_photons (biased), alpha " + std::to_string(radii_.alpha);
+    return "progressive_photons (biased), alpha " + detail::format("%f", radii_.alpha);
   }
 
  private:

@@ -30,6 +30,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
 #include <debias/taylor.hpp>
@@ -59,7 +60,7 @@ struct ClampedReciprocal {
   /// Throws std::invalid_argument unless the scale is positive and finite.
   explicit ClampedReciprocal(double scale_of_means) : scale(scale_of_means) {
     if (scale > 0 && std::isfinite(scale)) return;
-    throw std::invalid_argument("clamped_reciprocal: scale = " + std::to_string(scale) +
+    throw std::invalid_argument("clamped_reciprocal: scale = " + detail::format("%f", scale) +
                                 " (must be positive and finite, small against E X)");
   }
 
@@ -117,7 +118,7 @@ class ReciprocalTrials {
   /// Throws std::invalid_argument unless the majorant is positive and finite.
   ReciprocalTrials(X x, double majorant) : x_(std::move(x)), majorant_(majorant) {
     if (majorant > 0 && std::isfinite(majorant)) return;
-    throw std::invalid_argument("reciprocal_trials: majorant = " + std::to_string(majorant) +
+    throw std::invalid_argument("reciprocal_trials: majorant = " + detail::format("%f", majorant) +
                                 " (must be positive and finite, a bound of X); 1 for X in {0, 1}");
   }
 
@@ -132,14 +133,16 @@ class ReciprocalTrials {
       }
     }
     throw std::length_error("reciprocal_trials: 10^9 trials and no success (E X is 0, or far below the majorant " +
-                            std::to_string(majorant_) + ")");
+                            detail::format("%f", majorant_) + ")");
   }
-  [[nodiscard]] std::string describe() const { return "reciprocal_trials, majorant " + std::to_string(majorant_); }
+  [[nodiscard]] std::string describe() const {
+    return "reciprocal_trials, majorant " + detail::format("%f", majorant_);
+  }
 
  private:
   [[noreturn]] void refuse(double x) const {
-    throw std::domain_error("reciprocal_trials: X = " + std::to_string(x) +
-                            " (must lie in [0, majorant = " + std::to_string(majorant_) + "]); take a larger majorant");
+    throw std::domain_error("reciprocal_trials: X = " + detail::format("%f", x) + " (must lie in [0, majorant = " +
+                            detail::format("%f", majorant_) + "]); take a larger majorant");
   }
 
   static constexpr std::int64_t most_trials = 1'000'000'000;
@@ -162,10 +165,10 @@ class ReciprocalProduct {
   /// for a draw that is NaN.
   ReciprocalProduct(X x, double w, double survival) : x_(std::move(x)), w_(w), survival_(survival) {
     if (w == 0 || !std::isfinite(w)) {
-      throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) + " (must be finite and not 0)");
+      throw std::invalid_argument("reciprocal_product: w = " + detail::format("%f", w) + " (must be finite and not 0)");
     }
     if (!(survival > 0 && survival < 1)) {
-      throw std::invalid_argument("reciprocal_product: survival = " + std::to_string(survival) +
+      throw std::invalid_argument("reciprocal_product: survival = " + detail::format("%f", survival) +
                                   " (must lie in (0, 1), above E (1 - w X)^2 for a finite variance)");
     }
   }
@@ -182,7 +185,7 @@ class ReciprocalProduct {
     return {value, 1 + static_cast<double>(draws) * detail::work_of(x_), draws};
   }
   [[nodiscard]] std::string describe() const {
-    return "reciprocal_product, w " + std::to_string(w_) + ", survival " + std::to_string(survival_);
+    return "reciprocal_product, w " + detail::format("%f", w_) + ", survival " + detail::format("%f", survival_);
   }
 
   /// The same, for draws in [least, largest] only.
@@ -214,9 +217,9 @@ ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
   const double square = pilot.mean * pilot.mean + pilot.m2 / static_cast<double>(pilot.count);
   const double b = 1 - 2 * w * pilot.mean + w * w * square;
   if (!(b < 1)) {
-    throw std::invalid_argument("reciprocal_product: w = " + std::to_string(w) +
-                                " (E (1 - w X)^2 = " + std::to_string(b) + " must be below 1 for a finite variance); " +
-                                std::to_string(pilot.mean / square) + " = E X / E X^2 makes it least");
+    throw std::invalid_argument("reciprocal_product: w = " + detail::format("%f", w) + " (E (1 - w X)^2 = " +
+                                detail::format("%f", b) + " must be below 1 for a finite variance); " +
+                                detail::format("%f", pilot.mean / square) + " = E X / E X^2 makes it least");
   }
   return {std::move(x), w, std::sqrt(b > 0 ? b : 1e-3)};
 }
@@ -228,8 +231,8 @@ ReciprocalProduct<X> reciprocal_product(X x, double w, const Moments& pilot) {
 template <RandomVariable X>
 ReciprocalProduct<X> reciprocal_residual(X x, double minimum, double majorant) {
   if (!(minimum > 0 && minimum < majorant && std::isfinite(majorant))) {
-    throw std::invalid_argument("reciprocal_residual: minimum = " + std::to_string(minimum) +
-                                ", majorant = " + std::to_string(majorant) +
+    throw std::invalid_argument("reciprocal_residual: minimum = " + detail::format("%f", minimum) +
+                                ", majorant = " + detail::format("%f", majorant) +
                                 " (must be 0 < minimum < majorant); without a positive "
                                 "minimum take reciprocal_trials");
   }

@@ -21,7 +21,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -30,6 +29,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/sde/summaries.hpp>
 
@@ -311,9 +311,8 @@ class SdeLevels {
   SdeLevels(M model, Summary summary, F payoff, const Rates& declared)
       : rates(declared), model_(std::move(model)), summary_(std::move(summary)), payoff_(std::move(payoff)) {
     if (!(model_.horizon > 0) || !std::isfinite(static_cast<double>(model_.horizon))) {
-      std::ostringstream text;
-      text << "sde: horizon = " << model_.horizon << " (must be positive and finite)";
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument("sde: horizon = " + detail::format("%g", static_cast<double>(model_.horizon)) +
+                                  " (must be positive and finite)");
     }
     noises_ = Step::noises(model_);
   }

@@ -29,6 +29,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -157,7 +158,7 @@ requires(!SeriesTerm<T>) auto series(const T& /*term*/, const Rates& /*rates*/ =
 /// Throws std::invalid_argument unless |ratio| < 1.
 inline Rates geometric_terms(double ratio) {
   if (!(std::abs(ratio) < 1)) {
-    throw std::invalid_argument("geometric_terms: ratio = " + std::to_string(ratio) +
+    throw std::invalid_argument("geometric_terms: ratio = " + detail::format("%f", ratio) +
                                 " (must lie in (-1, 1)); a series that diverges has no sum to estimate");
   }
   return {-2 * std::log2(std::abs(ratio)), 0};
@@ -167,7 +168,7 @@ inline Rates geometric_terms(double ratio) {
 /// Throws std::invalid_argument unless exponent > 0.
 inline Rates polynomial_terms(double exponent) {
   if (!(exponent > 0)) {
-    throw std::invalid_argument("polynomial_terms: exponent = " + std::to_string(exponent) +
+    throw std::invalid_argument("polynomial_terms: exponent = " + detail::format("%f", exponent) +
                                 " (must be positive: a_k ~ k^-exponent has to fall)");
   }
   return {2 * exponent, 0, Decay::polynomial};

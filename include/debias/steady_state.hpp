@@ -23,6 +23,7 @@
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -141,7 +142,7 @@ requires(!detail::ChainParts<Step, Start, F>) auto steady_state(const Step& /*st
 /// Throws std::invalid_argument unless 0 <= c < 1.
 inline Rates contraction(double c) {
   if (!(c >= 0 && c < 1)) {
-    throw std::invalid_argument("contraction: c = " + std::to_string(c) +
+    throw std::invalid_argument("contraction: c = " + detail::format("%f", c) +
                                 " (must lie in [0, 1)); a chain that does not contract needs more than this");
   }
   return {-2 * std::log2(c), 0};

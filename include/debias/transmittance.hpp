@@ -31,6 +31,7 @@
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
@@ -53,8 +54,8 @@ struct Ray : RayBounds {
   /// Throws std::invalid_argument unless 0 < length < infinity and 0 <= minorant <= majorant.
   Ray(F mu, const RayBounds& bounds) : RayBounds(bounds), extinction(std::move(mu)) {
     if (length > 0 && std::isfinite(length) && minorant >= 0 && minorant <= majorant) return;
-    throw std::invalid_argument("ray: length = " + std::to_string(length) + ", minorant = " + std::to_string(minorant) +
-                                ", majorant = " + std::to_string(majorant) +
+    throw std::invalid_argument("ray: length = " + detail::format("%f", length) + ", minorant = " +
+                                detail::format("%f", minorant) + ", majorant = " + detail::format("%f", majorant) +
                                 " (must be positive and finite, and 0 <= minorant <= majorant)");
   }
 };
@@ -74,7 +75,7 @@ inline functions::Davis power_law(double alpha) { return {1 / std::sqrt(alpha)};
 namespace detail {
 inline void require_majorant(const char* estimator, const RayBounds& ray) {
   if (ray.majorant > 0 && std::isfinite(ray.majorant)) return;
-  throw std::invalid_argument(std::string(estimator) + ": majorant = " + std::to_string(ray.majorant) +
+  throw std::invalid_argument(std::string(estimator) + ": majorant = " + detail::format("%f", ray.majorant) +
                               " (must be positive and finite); telescoping needs none");
 }
 /// What delta tracking cannot make a probability of.
@@ -131,7 +132,7 @@ class RatioTracking {
     return sample;
   }
   [[nodiscard]] std::string describe() const {
-    return "ratio_tracking, control " + std::to_string(control_) + ", rate " + std::to_string(rate_);
+    return "ratio_tracking, control " + detail::format("%f", control_) + ", rate " + detail::format("%f", rate_);
   }
 
  private:
@@ -193,7 +194,7 @@ template <class F>
 RatioTracking<F> residual_ratio_tracking(Ray<F> ray, double control) {
   detail::require_majorant("residual_ratio_tracking", ray);
   if (!std::isfinite(control)) {
-    throw std::invalid_argument("residual_ratio_tracking: control = " + std::to_string(control) +
+    throw std::invalid_argument("residual_ratio_tracking: control = " + detail::format("%f", control) +
                                 " (must be finite, between the bounds of the extinction)");
   }
   const double rate = std::max(ray.majorant - control, control - ray.minorant);
@@ -317,7 +318,7 @@ class DavisMixture {
   DavisMixture(double c, Make make) : c_(c), make_(std::move(make)) {
     if (c > 0 && std::isfinite(c * c) && std::isfinite(1 / (c * c))) return;
     throw std::invalid_argument(
-        "davis_mixture: c = " + std::to_string(c) +
+        "davis_mixture: c = " + detail::format("%f", c) +
         " (must be positive, with a finite c^2 and 1 / c^2; for 0 take the exponential itself)");
   }
   Sample<double> operator()(Stream& rng) const {
@@ -326,7 +327,7 @@ class DavisMixture {
     NullRecord record;
     return debias::draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
   }
-  [[nodiscard]] std::string describe() const { return "davis_mixture, c " + std::to_string(c_); }
+  [[nodiscard]] std::string describe() const { return "davis_mixture, c " + detail::format("%f", c_); }
 
  private:
   double c_;

@@ -220,8 +220,8 @@ int finish(const Run& result, const Arguments& arguments, Output& out) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
     summary.stream() << result.problem->id << ' ' << result.problem->name << ": "
-                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", " << s.samples
-                     << " samples, seed " << s.seed << '\n';
+                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", "
+                     << std::to_string(s.samples) << " samples, seed " << std::to_string(s.seed) << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/ranks.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -319,7 +320,7 @@ void check_goal(const Goal& goal) {
     if (value == 0) continue;
     ++wishes;
     if (value > 0 && std::isfinite(value)) continue;
-    throw std::invalid_argument("Goal: " + std::string(name) + " = " + std::to_string(value) +
+    throw std::invalid_argument("Goal: " + std::string(name) + " = " + format("%f", value) +
                                 " (must be positive and finite)");
   }
   if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
@@ -392,7 +393,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
     if (next < 4 * static_cast<double>(pilot.samples)) {
       if (!(wanted < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) + " samples (does not fit 64 bits)");
+        throw std::invalid_argument("Goal: it takes " + format("%f", wanted) + " samples (does not fit 64 bits)");
       }
       return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }

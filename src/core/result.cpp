@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <ostream>
+#include <string>
 #include <string_view>
 
 #include <boost/math/distributions/students_t.hpp>
@@ -134,7 +135,7 @@ double error_quantile(double tail, std::int64_t values) {
 
 Interval Statistics::interval(double confidence, std::size_t component) const {
   if (!(confidence > 0 && confidence < 1)) {
-    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
+    throw std::invalid_argument("interval: confidence = " + format("%f", confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   const ComponentEstimate& c = components.at(component);
@@ -170,12 +171,6 @@ double Statistics::efficiency() const {
   return static_cast<double>(samples) / (variance * seconds);
 }
 
-namespace {
-
-std::string format(std::string_view pattern, double x) { return formatted(pattern, x); }
-
-}  // namespace
-
 std::string with_error(double mean, double standard_error) {
   if (!std::isfinite(mean)) return "not a number";
   if (!std::isfinite(standard_error)) return format("%.6g", mean) + " (no standard error)";
@@ -189,15 +184,14 @@ std::string with_error(double mean, double standard_error) {
   if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
     return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
   }
-  double rounded = 0;
-  std::from_chars(error.data(), error.data() + error.size(), rounded);
+  const double rounded = parse_double(error, "error");
   if (last >= 0) {
     const double unit = std::pow(10.0, last);
     return format("%.0f", std::round(mean / unit) * unit) + "(" + format("%.0f", rounded) + ")";
   }
   // the error straddles the decimal point and shows it
   if (last == -1) return format("%.1f", mean) + "(" + format("%.1f", rounded) + ")";
-  return format("%." + std::to_string(-last) + "f", mean) + "(" + error[0] + error[2] + ")";
+  return format({std::chars_format::fixed, -last}, mean) + "(" + error[0] + error[2] + ")";
 }
 
 std::ostream& operator<<(std::ostream& out, const Statistics& s) {

@@ -1,12 +1,15 @@
 #include "core/text.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include <debias/core/stream.hpp>
 
@@ -31,6 +34,50 @@ TEST_CASE("A number and its text are the same, bit for bit", "[core][exact]") {
   CHECK(to_text(1e-7) == "1e-07");
   CHECK(std::signbit(parse_double(to_text(-0.0), "x")));
   CHECK(to_text(-std::numeric_limits<double>::min()) == "-2.2250738585072014e-308");
+}
+
+TEST_CASE("A pattern writes what printf writes in the C locale", "[core][exact]") {
+  using debias::format;
+  debias::Stream rng(2, 0);
+  const auto printed = [](const char* pattern, double x) {
+    std::array<char, 512> text{};
+    std::snprintf(text.data(), text.size(), pattern, x);
+    return std::string(text.data());
+  };
+  const auto check = [&](double x) {
+    if (!std::isfinite(x)) {  // no text holds nan or inf
+      const std::string words = std::isnan(x) ? "unknown" : x > 0 ? "infinity" : "minus infinity";
+      if (format("%g", x) != words || format("%.3f", x) != words) FAIL_CHECK(format("%g", x));
+      return;
+    }
+    const std::array<std::pair<std::string, std::string>, 8> pairs = {{{format("%g", x), printed("%g", x)},
+                                                                       {format("%.0g", x), printed("%.0g", x)},
+                                                                       {format("%.3g", x), printed("%.3g", x)},
+                                                                       {format("%.15g", x), printed("%.15g", x)},
+                                                                       {format("%f", x), printed("%f", x)},
+                                                                       {format("%.0f", x), printed("%.0f", x)},
+                                                                       {format("%.12f", x), printed("%.12f", x)},
+                                                                       {format("%.1e", x), printed("%.1e", x)}}};
+    for (const auto& [ours, theirs] : pairs) {
+      if (ours != theirs) FAIL_CHECK(ours + " is not " + theirs);
+    }
+    if (format("%f", x) != std::to_string(x)) FAIL_CHECK(std::to_string(x));
+  };
+  for (int i = 0; i < 5000; ++i) {
+    const std::uint64_t bits = rng.bits();
+    double x = 0;
+    std::memcpy(&x, &bits, sizeof x);  // of any size, infinities and NaN with their signs among them
+    check(x);
+    check(1e4 * (rng.uniform() - 0.5));
+    check(static_cast<double>(bits % 200000) / 8);  // ties
+  }
+  const double inf = std::numeric_limits<double>::infinity();
+  for (const double x : {0.0, -0.0, 0.5, 1.5, 2.5, 0.125, 999999.5, 9999995.0, inf, -inf, std::nan(""), -std::nan(""),
+                         std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min()}) {
+    check(x);
+  }
+  CHECK(debias::right("12", 5) == "   12");
+  CHECK(debias::right("123456", 5) == "123456");
 }
 
 TEST_CASE("Decimal numbers are read whole, and nothing else is", "[core][exact]") {

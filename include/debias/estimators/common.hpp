@@ -17,6 +17,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/pmf/geometric.hpp>
 
@@ -35,7 +36,7 @@ inline Geometric default_law(const Rates& rates) {
     throw std::invalid_argument(
         "law: the differences decay like a power of the level (under a geometric law their variance is infinite); "
         "name the law Zeta(" +
-        std::to_string(exponent) + ")");
+        detail::format("%f", exponent) + ")");
   }
   return Geometric::with_exponent(exponent);
 }

@@ -24,6 +24,7 @@
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/estimators/common.hpp>
 
 namespace debias {
@@ -49,12 +50,12 @@ struct Schedule {
   void check(const char* estimator) const {
     detail::check_base_level(estimator, base_level);
     if (first_step > 0 && doublings > 0 && std::isfinite(first_step) && std::isfinite(doublings)) return;
-    throw std::invalid_argument(std::string(estimator) + ": first_step = " + std::to_string(first_step) +
-                                ", doublings = " + std::to_string(doublings) + " (must be positive and finite)");
+    throw std::invalid_argument(std::string(estimator) + ": first_step = " + detail::format("%f", first_step) +
+                                ", doublings = " + detail::format("%f", doublings) + " (must be positive and finite)");
   }
   [[nodiscard]] std::string describe() const {
-    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + std::to_string(first_step) + ") / " +
-           std::to_string(doublings) + ")";
+    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + detail::format("%f", first_step) +
+           ") / " + detail::format("%f", doublings) + ")";
   }
 };
 

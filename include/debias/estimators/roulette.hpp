@@ -26,6 +26,7 @@
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
 
@@ -134,11 +135,11 @@ struct IndexRoulette {
   /// Throws std::invalid_argument unless c is positive and finite.
   explicit IndexRoulette(double factor) : c(factor) {
     if (c > 0 && std::isfinite(c)) return;
-    throw std::invalid_argument("IndexRoulette: c = " + std::to_string(c) + " (must be positive and finite)");
+    throw std::invalid_argument("IndexRoulette: c = " + detail::format("%f", c) + " (must be positive and finite)");
   }
   double operator()(std::int64_t level) const { return std::min(1.0, c / static_cast<double>(level)); }
   [[nodiscard]] static TailExponent tail_exponent() { return {Rates::faster_than_any}; }
-  [[nodiscard]] std::string spec() const { return "index:c=" + std::to_string(c); }
+  [[nodiscard]] std::string spec() const { return "index:c=" + detail::format("%f", c); }
 };
 
 /// Keeps a term with probability min(1, size / reference) ("cumulative"): kept ones have at least the size of
@@ -150,14 +151,14 @@ class RunningWeight {
   /// Throws std::invalid_argument unless the reference is positive and finite.
   explicit RunningWeight(double size_of_first_term) : reference_(size_of_first_term), inverse_(1 / size_of_first_term) {
     if (reference_ > 0 && std::isfinite(reference_) && std::isfinite(inverse_)) return;
-    throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference_) +
+    throw std::invalid_argument("RunningWeight: reference = " + detail::format("%f", reference_) +
                                 " (must be positive and finite: the size of the first term, say)");
   }
   double operator()(std::int64_t /*level*/, double size) const {
     if (size > 0) return std::min(1.0, size * inverse_);
     return size == 0 ? 0.5 : std::numeric_limits<double>::quiet_NaN();  // no size: PolicyRoulette throws
   }
-  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference_); }
+  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + detail::format("%f", reference_); }
 
  private:
   double reference_;

@@ -23,6 +23,8 @@
 
 #include <boost/math/differentiation/autodiff.hpp>
 
+#include <debias/core/text.hpp>
+
 namespace debias {
 
 /// Coefficients 0 ... order that were computed beforehand.
@@ -71,7 +73,7 @@ struct Autodiff {
     for (std::size_t k = 0; k <= order; ++k) {
       c[k] = static_cast<double>(y.at(k));
       if (!std::isfinite(c[k])) {
-        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " + std::to_string(a) +
+        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " + detail::format("%f", a) +
                                     " is not finite (the function has no series there)");
       }
       if (2 * k > order) root = std::max(root, std::pow(std::abs(c[k]), 1 / static_cast<double>(k)));

@@ -27,6 +27,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/taylor/terms.hpp>
 
 namespace debias {
@@ -173,7 +174,7 @@ class TaylorSum {
     if constexpr (drawn) {
       text += "drawn pivot, ";
     } else {
-      text += "centre " + std::to_string(pivot_) + ", ";
+      text += "centre " + detail::format("%f", pivot_) + ", ";
     }
     if constexpr (DescribedPmf<P>) {
       text += law_.spec();

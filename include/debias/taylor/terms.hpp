@@ -22,6 +22,7 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 
 namespace debias {
 
@@ -50,7 +51,7 @@ struct Centre {
 /// The middle of bounds low <= X <= high. Throws std::invalid_argument unless low < high are finite.
 inline Centre centre_between(double low, double high) {
   if (!(low < high) || !std::isfinite(low) || !std::isfinite(high)) {
-    throw std::invalid_argument("centre_between: [" + std::to_string(low) + ", " + std::to_string(high) +
+    throw std::invalid_argument("centre_between: [" + detail::format("%f", low) + ", " + detail::format("%f", high) +
                                 "] (must be a finite interval that bounds X from both sides)");
   }
   const double half = (high - low) / 2;
@@ -102,9 +103,9 @@ Centre centre(const G& g, const Moments& pilot, double at) {
   const Centre chosen{at, detail::mean_square_about(pilot, at)};
   const double b = detail::decay(g, chosen);
   if (!(b < 1)) {
-    throw std::invalid_argument("centre: at = " + std::to_string(at) + " (E (X - a)^2 / R^2 = " + std::to_string(b) +
-                                " must be below 1, else no law has finite variance); " + std::to_string(best.at) +
-                                " has " + std::to_string(detail::decay(g, best)));
+    throw std::invalid_argument("centre: at = " + detail::format("%f", at) + " (E (X - a)^2 / R^2 = " +
+                                detail::format("%f", b) + " must be below 1, else no law has finite variance); " +
+                                detail::format("%f", best.at) + " has " + std::to_string(detail::decay(g, best)));
   }
   return chosen;
 }
@@ -152,17 +153,17 @@ inline void require_mean_square(const Centre& c) {
 /// Checks b < survival ratio < 1 as far as b is known.
 inline void require_decay(double b) {
   if (b >= 0 && b < 1) return;
-  throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + std::to_string(b) +
+  throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
                               " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
                               "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
 }
 inline void require_survival(double b, const TailExponent& law) {
   const double survival = law.decay == Decay::polynomial ? 1 : std::exp2(-law.exponent);
   if (b == 0 || (b < survival && survival < 1)) return;
-  throw std::invalid_argument("taylor: the law goes on with probability " + std::to_string(survival) +
-                              " a term (must lie in (" + std::to_string(b) +
-                              ", 1) for finite variance and work: E (X - a)^2 / R^2 = " + std::to_string(b) +
-                              "); Geometric(" + std::to_string(1 - std::sqrt(b)) + ") is the best");
+  throw std::invalid_argument("taylor: the law goes on with probability " + detail::format("%f", survival) +
+                              " a term (must lie in (" + detail::format("%f", b) +
+                              ", 1) for finite variance and work: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
+                              "); Geometric(" + detail::format("%f", 1 - std::sqrt(b)) + ") is the best");
 }
 
 }  // namespace detail
