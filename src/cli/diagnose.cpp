@@ -379,7 +379,12 @@ void Sums::finish(Diagnosis& d) {
   d.upper_tail = extremes_.upper_tail();
   d.lower_tail = extremes_.lower_tail();
   for (std::vector<double>* tail : {&d.upper_tail, &d.lower_tail}) {
-    for (double& x : *tail) x = std::ldexp(x, -scale_);
+    if (scale_ == 0) continue;
+    constexpr double nothing = 1e-290;  // beside values near 1; what is left of digits here has no shape
+    for (double& x : *tail) {
+      x = std::ldexp(x, -scale_);
+      if (std::abs(x) < nothing) x = 0;
+    }
   }
   d.largest = extremes_.largest();
   d.nonfinite = extremes_.nonfinite();
