@@ -163,6 +163,13 @@ chain() {
     s = (s * 16807) % 2147483647; g += s / 2147483647 } x = 0.99 * x + g; printf "%.17g\n", x * scale } }'
 }
 chain 1 > chain.1
+diagnosed 0 chain.1 --json
+grep '"cutoff"' out | sed 's/[^0-9.]//g' | cut -c 1-12 > wanted
+chain 1e200 > chain
+diagnosed 0 chain --json
+grep '"cutoff"' out | sed 's/e+200//' | sed 's/[^0-9.]//g' | cut -c 1-12 > got
+check "cutoffs in the unit of the values" [ -s got ]
+check "cutoffs have the scale" has '"cutoff": .*e+200' out
 for scale in 1e200 1e-200 1e-300; do
   chain $scale > chain
   diagnosed 0 chain.1

@@ -409,6 +409,7 @@ void conclude(Diagnosis& d) {
     d.robust = median_of_means(values);
     d.robust.value = std::ldexp(d.robust.value, d.scale);
   }
+  for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
   d.interval = scaled(d.interval, d.scale);
   d.block_interval = scaled(d.block_interval, d.scale);
 }
