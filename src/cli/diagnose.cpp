@@ -112,7 +112,7 @@ std::string advice_on(numbers::Cause cause) {
     case Cause::encoding:
       return "convert it: iconv -f UTF-16 -t UTF-8 (or UTF-32)";
     case Cause::packed:
-      return "unpack it first, such as gunzip -c FILE | debias diagnose -";
+      return "unpack it first, such as by gunzip -c FILE | debias diagnose -, or of an archive the one file";
     case Cause::other_format:
       return "export the numbers as CSV, or as .npy";
     case Cause::npy:
@@ -379,7 +379,12 @@ void Sums::finish(Diagnosis& d) {
   d.upper_tail = extremes_.upper_tail();
   d.lower_tail = extremes_.lower_tail();
   for (std::vector<double>* tail : {&d.upper_tail, &d.lower_tail}) {
-    for (double& x : *tail) x = std::ldexp(x, -scale_);
+    if (scale_ == 0) continue;
+    constexpr double nothing = 1e-290;  // beside values near 1; what is left of digits here has no shape
+    for (double& x : *tail) {
+      x = std::ldexp(x, -scale_);
+      if (std::abs(x) < nothing) x = 0;
+    }
   }
   d.largest = extremes_.largest();
   d.nonfinite = extremes_.nonfinite();
@@ -404,6 +409,7 @@ void conclude(Diagnosis& d) {
     d.robust = median_of_means(values);
     d.robust.value = std::ldexp(d.robust.value, d.scale);
   }
+  for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
   d.interval = scaled(d.interval, d.scale);
   d.block_interval = scaled(d.block_interval, d.scale);
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,27 +19,29 @@ namespace debias::numbers {
 /// The next bytes that were not consumed, as many as the buffer holds.
 class Input {
  public:
-  explicit Input(const Bytes& read) : read_(read), buffer_(buffer_size) { fill(); }
+  explicit Input(const Bytes& read) : read_(read), buffer_(std::make_unique_for_overwrite<char[]>(buffer_size)) {
+    fill();
+  }
 
-  [[nodiscard]] std::string_view window() const { return {buffer_.data() + begin_, end_ - begin_}; }
+  [[nodiscard]] std::string_view window() const { return {buffer_.get() + begin_, end_ - begin_}; }
   void consume(std::size_t bytes) { begin_ += bytes; }
   /// Reads on behind what is left of the window.
   void fill() {
-    std::copy(buffer_.data() + begin_, buffer_.data() + end_, buffer_.data());  // forwards: they may overlap
+    std::copy(buffer_.get() + begin_, buffer_.get() + end_, buffer_.get());  // forwards: they may overlap
     end_ -= begin_;
     begin_ = 0;
-    const std::size_t room = buffer_.size() - end_;
-    const std::size_t n = room == 0 ? 0 : read_(std::span(buffer_).subspan(end_));
+    const std::size_t room = buffer_size - end_;
+    const std::size_t n = room == 0 ? 0 : read_(std::span(buffer_.get() + end_, room));
     end_ += n;
     at_end_ = n < room;
   }
   /// Nothing follows the window.
   [[nodiscard]] bool at_end() const { return at_end_; }
-  [[nodiscard]] bool full() const { return begin_ == 0 && end_ == buffer_.size(); }
+  [[nodiscard]] bool full() const { return begin_ == 0 && end_ == buffer_size; }
 
  private:
   const Bytes& read_;
-  std::vector<char> buffer_;
+  std::unique_ptr<char[]> buffer_;
   std::size_t begin_ = 0;
   std::size_t end_ = 0;
   bool at_end_ = false;

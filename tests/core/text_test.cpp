@@ -11,13 +11,16 @@
 #include <string_view>
 #include <utility>
 
+#include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
 
 #include "catch_shim.hpp"
 
+using debias::formatted;
 using debias::nearest_name;
 using debias::parse_double;
 using debias::to_text;
+using debias::with_error;
 
 TEST_CASE("A number and its text are the same, bit for bit", "[core][exact]") {
   debias::Stream rng(1, 0);
@@ -108,4 +111,36 @@ TEST_CASE("The nearest name is found through a typing error, and only then", "[c
   CHECK(nearest_name("geometric", {}).empty());
   CHECK(debias::suggestion("zta", names) == "; did you mean 'zeta'?");
   CHECK(debias::suggestion("uniform", names).empty());
+}
+
+TEST_CASE("formatted numbers are printf's, and never nan or inf", "[core][text][exact]") {
+  for (const double x : {0.0, 1.0, -2.5, 0.1, 123456.789, 1e-7, 1e300, 5e-324, 1e15, 99.95}) {
+    for (const char* pattern : {"%g", "%.2g", "%.15g", "%.3f", "%f", "%.0f", "%.1e", "%e"}) {
+      std::array<char, 512> expected{};
+      std::snprintf(expected.data(), expected.size(), pattern, x);
+      CHECK(formatted(pattern, x) == expected.data());
+    }
+  }
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const double x : {std::nan(""), -std::nan(""), infinity, -infinity}) {
+    const bool is_nan = std::isnan(x);
+    const std::string words = is_nan ? "unknown" : (x > 0 ? "infinity" : "minus infinity");
+    CHECK(formatted("%.3g", x) == words);
+    CHECK(to_text(x) == words);
+  }
+}
+
+TEST_CASE("a mean without an error says so", "[core][text][exact]") {
+  const double nan = std::nan("");
+  const double infinity = std::numeric_limits<double>::infinity();
+  CHECK(with_error(nan, nan) == "not a number");  // was nan +- -nan
+  CHECK(with_error(-infinity, nan) == "not a number");
+  CHECK(with_error(0.5, -nan) == "0.5 (no standard error)");
+  CHECK(with_error(1e300, infinity) == "1e+300 (no standard error)");
+  CHECK(with_error(0.75, 0.0123) == "0.750(12)");
+  CHECK(with_error(1234567, 2345) == "1234600(2300)");
+  CHECK(with_error(2.25, 0.51) == "2.25(51)");
+  CHECK(with_error(12.25, 1.51) == "12.2(1.5)");
+  CHECK(with_error(3, 0) == "3(0)");
+  CHECK(with_error(2e-170, 1.5e-170) == "2e-170 +- 1.5e-170");
 }
