@@ -23,7 +23,7 @@ may_include() {
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     # the laws of published schedules
-    transmittance) echo "$no_runner|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
+    transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
     survey | survey/*) echo 'core/.*|survey|survey/levels' ;;
     diagnostics) echo 'core/.*' ;;

@@ -69,3 +69,6 @@ known=$(factories "$here" | wc -l)
 
 bad=$(check "$here")
 [ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }
+calls=$(cat "$here"/tests/nan/*_test.cpp | tr '\n' ' ' |
+  grep -oE '\b(check|check_sequence|check_terms|check_run|covers)\( *"[^"]+", *(std::string\()?("[^"]+"|name_of\(where\))' | sed 's/^[a-z_]*( *//' | sort -u)
+echo "covered: $(printf '%s\n' "$calls" | cut -d, -f1 | sort -u | wc -l) factories, $(printf '%s\n' "$calls" | wc -l) callables"
