@@ -1,9 +1,11 @@
 #include <debias/core/estimate.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <exception>
 #include <limits>
+#include <new>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -233,7 +235,10 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     throw Interrupted("estimate: interrupted by the caller");
   };
 
-  const auto draw = [&](bool tells) {
+  // Threads can leave too little memory for one another. One that has none gives its chunk back and ends; `alone`, behind
+  // the others, it is a failure like any other.
+  std::atomic<bool> gave_up = false;
+  const auto draw_chunks = [&](bool tells, bool alone) {
     Recorder recorder;
     for (;;) {
       const auto [first, last] = work.take();
@@ -241,7 +246,21 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
       try {
         body(first, last, recorder);
-        work.add({first, last}, recorder.end_chunk(), recorder.extremes());
+        const Accumulator& sums = recorder.end_chunk();
+        try {
+          work.add({first, last}, sums, recorder.extremes());
+        } catch (const std::bad_alloc&) {  // half of it may be there
+          work.interrupt(std::current_exception());
+          break;
+        }
+      } catch (const std::bad_alloc&) {
+        if (alone) {
+          work.fail(recorder.next_index(), std::current_exception());
+        } else {
+          work.give_back({first, last});
+          gave_up = true;
+        }
+        break;
       } catch (...) {
         work.fail(recorder.next_index(), std::current_exception());
         break;
@@ -251,6 +270,14 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       } catch (...) {
         work.interrupt(std::current_exception());
       }
+    }
+  };
+  const auto draw = [&](bool tells, bool alone) {
+    try {
+      draw_chunks(tells, alone);
+    } catch (const std::bad_alloc&) {  // none for its sums
+      gave_up = true;
+      if (alone) work.interrupt(std::current_exception());
     }
     work.end_thread();
   };
@@ -264,7 +291,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     for (; drawing < threads; ++drawing) {
       work.begin_thread();
       try {
-        helpers.emplace_back([&draw] { draw(false); });
+        helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
       } catch (...) {  // the machine has no more threads: those that are there do it all
         work.end_thread();
         if (drawing == 0) {
@@ -277,10 +304,14 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     }
     if (ranks == nullptr) {
       work.begin_thread();
-      draw(plan.save || plan.progress);
+      draw(plan.save || plan.progress, threads == 1);
     } else {  // the caller serves the others, so that neither waits for a long sample of the other
       ranks->serve(work, missing, static_cast<bool>(plan.save), tell);
     }
+  }
+  if (gave_up && ranks == nullptr && threads > 1) {  // draws what was given back
+    work.begin_thread();
+    draw(plan.save || plan.progress, true);
   }
   const auto conclude = [&] {
     if (plan.save) save();

@@ -11,6 +11,12 @@ void Work::give(const Range& samples) {
   more_.notify_all();
 }
 
+void Work::give_back(const Range& samples) {
+  const std::lock_guard lock(mutex_);
+  samples_.push_front(samples);
+  more_.notify_all();
+}
+
 void Work::close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;
