@@ -1,6 +1,7 @@
 #include <debias/multilevel.hpp>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <ostream>
@@ -45,16 +46,23 @@ class Driver {
 
   MultilevelStatistics run() {
     MultilevelStatistics result;
+    const auto start = std::chrono::steady_clock::now();
     for (std::int64_t l = 0; l <= lowest_last_level; ++l) add_level();
-    for (;;) {
+    for (bool first = true;; first = false) {
       draw_what_is_missing();
+      if (first) {
+        for (const Level& level : levels_) result.pilot_work += level.work;
+        result.pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      }
       measure();
       if (plan_draws()) continue;
       if (remaining_bias() <= std::sqrt(options_.bias_share) * error_) {
+        if (plan_the_rest()) continue;
         result.converged = true;
         break;
       }
-      if (static_cast<std::int64_t>(levels_.size()) >= options_.most_levels) break;
+      if (static_cast<std::int64_t>(levels_.size()) >= options_.most_levels || last_level() == runs_.deepest_level)
+        break;
       variance_.push_back(variance_.back() / std::exp2(beta_));
       work_.push_back(work_.back() * std::exp2(gamma_));
       mean_.push_back(0);
@@ -67,6 +75,8 @@ class Driver {
   }
 
  private:
+  [[nodiscard]] std::int64_t last_level() const { return static_cast<std::int64_t>(levels_.size()) - 1; }
+
   void add_level() {
     levels_.emplace_back();
     missing_.push_back(options_.first_draws);
@@ -82,6 +92,7 @@ class Driver {
       part.goal = {};
       part.save = {};
       part.earlier = {};
+      part.pilot = {};
       const Statistics s = runs_.draw(static_cast<std::int64_t>(l), part);
       // Components of I_l, of its coarse partner and of D_l, then a flag: see Several.
       const std::size_t each = (s.components.size() - 1) / 3;
@@ -94,6 +105,11 @@ class Driver {
         m.mean = d.mean;
         m.m2 = s.samples > 1 ? d.variance * (n - 1) : 0;
         level.components[c].merge(m);
+      }
+      if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
+      if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
+        throw std::invalid_argument("multilevel: level " + std::to_string(l) +
+                                    " (draws, or their squares, are not finite: no mean and no error)");
       }
       level.draws += s.samples;
       level.work += s.work;
@@ -142,7 +158,7 @@ class Driver {
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       const double wanted = std::ceil(std::sqrt(variance_[l] / work_[l]) * roots / budget);
       if (!(wanted < 0x1p53)) {
-        throw std::invalid_argument("multilevel: error = " + std::to_string(error_) +
+        throw std::invalid_argument("multilevel: error = " + format("%f", error_) +
                                     " (asks for more than 2^53 draws of level " + std::to_string(l) + ")");
       }
       const auto have = static_cast<double>(levels_[l].draws);
@@ -151,6 +167,25 @@ class Driver {
       needed = needed || wanted - have > negligible * have;
     }
     return needed;
+  }
+
+  // True where the draws that are missing by less than that percent leave the error above the goal: then they are drawn.
+  bool plan_the_rest() {
+    double variance = 0;
+    for (const Level& level : levels_) {
+      double squares = 0;
+      for (const Moments& m : level.components) squares += m.standard_error() * m.standard_error();
+      variance += squares;
+    }
+    const double bias = remaining_bias();
+    const double allowed = error_ * error_ - bias * bias;
+    if (variance <= allowed) return false;
+    constexpr double margin = 1.001;
+    for (std::size_t l = 0; l < levels_.size(); ++l) {
+      const auto have = static_cast<double>(levels_[l].draws);
+      missing_[l] = static_cast<std::int64_t>(std::ceil(have * (margin * variance / allowed - 1)));
+    }
+    return true;
   }
 
   [[nodiscard]] double remaining_bias() const {
@@ -168,6 +203,7 @@ class Driver {
     result.alpha = alpha_;
     result.beta = beta_;
     result.seed = plan_.seed;
+    result.warnings = warnings_;
     result.components.resize(levels_.front().components.size());
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       const Level& level = levels_[l];
@@ -188,6 +224,7 @@ class Driver {
   const MultilevelOptions& options_;
   double error_;
   std::vector<Level> levels_;
+  std::vector<std::string> warnings_;
   std::vector<std::int64_t> missing_;
   std::vector<double> mean_;
   std::vector<double> variance_;
@@ -209,16 +246,20 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
                                 const MultilevelOptions& options) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("multilevel: " + what); };
   if (!(error > 0 && std::isfinite(error))) {
-    refuse("error = " + std::to_string(error) + " (must be positive and finite)");
+    refuse("error = " + format("%f", error) + " (must be positive and finite)");
   }
   if (!(options.bias_share > 0 && options.bias_share < 1)) {
-    refuse("bias_share = " + std::to_string(options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
+    refuse("bias_share = " + format("%f", options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
   }
   if (options.first_draws < 2) {
     refuse("first_draws = " + std::to_string(options.first_draws) + " (a variance needs two); 1000 is usual");
   }
   if (options.most_levels < lowest_last_level + 1) {
     refuse("most_levels = " + std::to_string(options.most_levels) + " (must be at least 3); 24 is usual");
+  }
+  if (runs.deepest_level < lowest_last_level) {
+    refuse("the sequence can draw no level beyond " + std::to_string(runs.deepest_level) +
+           " (a bias takes three levels)");
   }
   const auto start = std::chrono::steady_clock::now();
   MultilevelStatistics result = Driver(runs, error, plan, options).run();
@@ -231,20 +272,23 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  out << "bias          " << formatted("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
-      << formatted("%.2f", s.alpha) << " l)\n"
-      << "goal          root mean square error " << formatted("%g", s.goal) << ": " << (s.converged ? "met" : "NOT met")
-      << ", " << formatted("%.3g", s.error()) << '\n'
-      << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n'
-      << "work          " << formatted("%.4g", s.work) << "\nseconds       " << formatted("%.3g", s.seconds) << '\n';
-  const auto cell = [](std::size_t width, const std::string& text) {
-    return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
+      << format("%.2f", s.alpha) << " l)\n";
+  out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
+      << format("%.3g", s.error()) << '\n';
+  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
+      << " in the first draws, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
+  for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
+  const auto line = [&out](const std::array<std::string, 5>& cells) {
+    constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
+    out << '\n';
   };
-  const auto number = [](double x) { return std::isfinite(x) ? formatted("%.4g", x) : std::string("-"); };
-  out << cell(5, "level") << cell(11, "draws") << cell(13, "E D") << cell(13, "Var D") << cell(11, "work") << '\n';
+  const auto number = [](double x) { return std::isfinite(x) ? format("%.4g", x) : std::string("-"); };
+  line({"level", "draws", "E D", "Var D", "work"});
   for (const MultilevelRow& r : s.rows) {
-    out << cell(5, std::to_string(r.level)) << cell(11, std::to_string(r.draws)) << cell(13, number(r.difference))
-        << cell(13, number(r.variance)) << cell(11, number(r.work)) << '\n';
+    line({std::to_string(r.level), std::to_string(r.draws), number(r.difference), number(r.variance), number(r.work)});
   }
   return out;
 }

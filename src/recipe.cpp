@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <chrono>
+#include <functional>
 #include <limits>
 #include <map>
 #include <ostream>
@@ -30,9 +31,9 @@ constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a law holds
 constexpr double narrow = 0.05;           // of the work's exponent, for the law with finite work where none has both
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
+constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
+constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
 constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
-
-std::string text(std::string_view pattern, double x) { return formatted(pattern, x); }
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
@@ -53,14 +54,20 @@ namespace {
 // Chooses among candidates, from one survey.
 class Choice {
  public:
-  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, Advice& advice)
-      : runs_(runs), plan_(plan), options_(options), advice_(advice), survey_(advice.survey) {
+  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal, Advice& advice)
+      : runs_(runs),
+        plan_(plan),
+        options_(options),
+        advice_(advice),
+        survey_(advice.survey),
+        allowed_beyond_(detail::allowed_beyond(static_cast<double>(advice.members) * (has_goal ? spare_members : 1))) {
     model_ = model_of(survey_);
   }
 
   void choose() {
     double best = infinity;
     bool found = false;
+    bool found_drawable = false;
     const std::int64_t lowest = options_.base_level.value_or(options_.lowest_base);
     const std::int64_t highest = options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
     const double unit = row(lowest).value_work;
@@ -72,11 +79,16 @@ class Choice {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
         const TermMoments moments = moments_of(setup, shared_share);
-        const double product = predict(moments, law_of(setup, moments)).product();
+        const AnyPmf law = law_of(setup, moments);
+        const bool is_drawable = drawable(law, setup);
+        if (found_drawable && !is_drawable) continue;
+        found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
+        const double product = predict(moments, law).product();
         // A variance that was measured in n draws is not better than another one by its noise.
         const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
         if (found && !(product < (worthwhile - noise) * best)) continue;
         found = true;
+        found_drawable = is_drawable;
         best = product;
         chosen_ = setup;
       }
@@ -85,6 +97,21 @@ class Choice {
   }
 
  private:
+  // Variance x work over all levels: behind those of the model, powers of the level go on for long.
+  [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& law) const {
+    VarianceAndWork sums = predict(moments, law);
+    if (survey_.rates.kind == RateKind::polynomial) {
+      const std::size_t last = moments.work.size() - 1;
+      const double p = law.mass(static_cast<std::int64_t>(last));
+      const ExponentRange range = finite_exponents(rates_of(survey_.rates));
+      const double s = law.tail_exponent().exponent;
+      const double levels = static_cast<double>(last) + 1;
+      sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range.high - s);
+      sums.work += moments.work[last] * p * levels / (s - range.low);
+    }
+    return sums.product();
+  }
+
   [[nodiscard]] const SurveyRow& row(std::int64_t level) const {
     return survey_.rows.at(static_cast<std::size_t>(level));
   }
@@ -110,11 +137,42 @@ class Choice {
     return term_moments(runs_, survey_, model_, setup, plan_, share);
   }
 
-  AnyPmf law_of(const Setup& setup, const TermMoments& all) const {
+  // A run of that many members is allowed to take the law, see core/reach.hpp.
+  [[nodiscard]] bool drawable(const AnyPmf& law, const Setup& setup) const {
+    struct Levels {
+      std::int64_t deepest;
+      [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
+    };
+    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, law, setup.base_level, setup.first_level());
+    return reach.beyond <= allowed_beyond_;
+  }
+
+  // The best law, or the one next to it that can be drawn, if one of finite variance can.
+  AnyPmf law_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
     const double exponent = tail_exponent_for(survey_.rates);
-    if (survey_.rates.kind == RateKind::polynomial) return AnyPmf(Zeta(exponent));
+    const auto with = laws_of(setup, all);
+    const AnyPmf best = with(exponent);
+    if (drawable(best, setup)) return best;
+    const double bound = finite_exponents(rates_of(survey_.rates)).high;
+    double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
+    if (!(high > exponent) || !drawable(with(high), setup)) return best;  // the run will be refused
+    for (double low = exponent; high - low > 1e-3;) {
+      const double middle = (low + high) / 2;
+      (drawable(with(middle), setup) ? high : low) = middle;
+    }
+    const AnyPmf law = with(high);
+    if (price != nullptr) *price = with_rest(all, law) / with_rest(all, best);
+    return law;
+  }
+
+  // The law for an exponent of its tail.
+  [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
+    if (survey_.rates.kind == RateKind::polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
     TermMoments t = all;
-    const std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    // The table ends at the deepest level: what lies beyond is the tail's.
+    const std::int64_t drawn = runs_.deepest_level - setup.first_level() + 1;
+    if (drawn > 0) outcomes = std::min(outcomes, static_cast<std::size_t>(drawn));
     for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
     }
@@ -124,10 +182,16 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    const std::vector<double> best = best_masses(t);
+    return [&all, best = best_masses(t), is_drawn = setup.base == Base::drawn](double exponent) {
+      return fair_or_fastest(all, best, exponent, is_drawn);
+    };
+  }
+
+  static AnyPmf fair_or_fastest(const TermMoments& all, const std::vector<double>& best, double exponent,
+                                bool base_is_drawn) {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
-    const std::size_t free = setup.base == Base::drawn ? 2 : 1;
+    const std::size_t free = base_is_drawn ? 2 : 1;
     for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
@@ -147,9 +211,11 @@ class Choice {
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::always && runs_.shared;
-    advice_.law = law_of(chosen_, moments);
+    advice_.price = 1;
+    advice_.law = law_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.law.tail_exponent();
     advice_.predicted = predict(moments, advice_.law);
+    advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     const double rho = advice_.exponent.exponent;
     const double beta = survey_.rates.variance.value;
@@ -165,6 +231,7 @@ class Choice {
   Advice& advice_;
   const Survey& survey_;
   LevelModel model_;
+  double allowed_beyond_;
   Setup chosen_;
 };
 
@@ -179,7 +246,8 @@ void set_members(Advice& advice, double members) {
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
   if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) + " members (does not fit 64 bits)");
+    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", members) +
+                                " members (does not fit 64 bits)");
   }
   advice.members = static_cast<std::int64_t>(blocks) * advice.block;
 }
@@ -207,8 +275,8 @@ std::string rate_text(const MeasuredRates& r) {
   if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
   const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
   const char* end = r.kind == RateKind::polynomial ? "" : ")";
-  return "E D_k^2 falls like " + std::string(unit) + text("%.2f", -r.variance.value) + end + " (+- " +
-         text("%.2f", r.variance.error) + "), work grows like " + unit + text("%.2f", r.work.value) + end;
+  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -r.variance.value) + end + " (+- " +
+         format("%.2f", r.variance.error) + "), work grows like " + unit + format("%.2f", r.work.value) + end;
 }
 
 void describe_none(Advice& a) {
@@ -224,13 +292,14 @@ void describe_none(Advice& a) {
       (a.survey.law_exists == Answer::no
            ? "no law has finite variance and finite work: "
            : "cannot tell yet whether a law has finite variance and finite work, and as measured in " +
-                 text("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
+                 format("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
       rate_text(r));
   std::string best = "the best with finite work is " + a.law.spec();
-  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + text("%.3g", a.highest_moment);
+  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
   if (!polynomial && r.variance.value > 0 && work > 0) {
-    best += " (stable index " + text("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
-            " in the limit), the error falls like work^-" + text("%.2g", std::min(0.5, r.variance.value / (2 * work)));
+    best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
+            " in the limit), the error falls like work^-" +
+            format("%.2g", std::min(0.5, r.variance.value / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -248,12 +317,12 @@ void describe(Advice& a) {
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
   const bool together = a.runs_together && a.block > 1;
-  std::string efficiency = "variance " + text("%.3g", a.predicted.variance) + " x work " +
-                           text("%.4g", a.predicted.work) +
-                           " predicted for a member: " + text("%.3g", a.predicted.product());
+  std::string efficiency = "variance " + format("%.3g", a.predicted.variance) + " x work " +
+                           format("%.4g", a.predicted.work) +
+                           " predicted for a member: " + format("%.3g", a.predicted.product());
   if (a.bound > 0) {
-    efficiency += ", " + text("%.3g", a.predicted.product() / a.bound) +
-                  " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
+    efficiency += ", " + format("%.3g", a.predicted.product() / a.bound) +
+                  " times the bound (sum of sqrt(Var D work))^2 = " + format("%.3g", a.bound) +
                   (a.shares_base || together ? " of draws that share nothing" : "");
   }
   if (together) efficiency += " and are not stratified by their first number";
@@ -261,8 +330,15 @@ void describe(Advice& a) {
   const double rho = a.exponent.exponent;
   std::string moments =
       rate_text(r) + ", the tail of the law like " +
-      (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho) : "2^(k x " + text("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment)) moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+      (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
+  if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
+  if (a.price != 1) {
+    a.sentences.push_back((a.deepest_level == deepest_of_all
+                               ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
+                               : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
+                          std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
+                          format("%.3g", a.price) + " times its variance x work");
+  }
   if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
   }
@@ -273,6 +349,15 @@ void describe(Advice& a) {
 LevelRuns remembering(const LevelRuns& runs, double& work) {
   using Key = std::array<std::int64_t, 4>;
   LevelRuns once = runs;
+  once.work = [&, known = std::map<std::int64_t, std::pair<double, double>>()](std::int64_t level,
+                                                                               const Plan& plan) mutable {
+    const auto at = known.find(level);
+    if (at != known.end()) return at->second;
+    const std::pair<double, double> each = runs.work(level, plan);
+    known.emplace(level, each);
+    work += (each.first + each.second) * static_cast<double>(detail::draws_for_work);
+    return each;
+  };
   if (runs.shared) {
     once.shared = [&, known = std::map<Key, SharedMoments>()](std::int64_t level, std::int64_t base_level,
                                                               const Plan& plan) mutable {
@@ -310,18 +395,23 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   pilot.goal = {};
   pilot.save = {};
   pilot.earlier = {};
+  pilot.pilot = {};
+  pilot.whole = 0;
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds_so_far = [&] {
+    return detail::share<double>(
+        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
+  };
   double work = 0;
   const LevelRuns runs = remembering(levels, work);
   const double unit = runs.work(lowest, pilot).first;
   double budget = first_pilot_draws * unit;
-  const auto start = std::chrono::steady_clock::now();
   Advice advice;
   for (int stage = 0;; ++stage) {
     Advice next;
     next.survey = survey_within(runs, budget, pilot);
     work += next.survey.work;
-    next.pilot_seconds = detail::share<double>(
-        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
+    next.pilot_seconds = seconds_so_far();
     if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
       throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
                                   std::to_string(next.survey.rows.size() - 1) +
@@ -332,10 +422,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       next.block = std::max<std::int64_t>(advice.block, 64);
       set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                           : static_cast<double>(plan.samples));
-      Choice(runs, pilot, options, next).choose();
+      Choice(runs, pilot, options, plan.goal.asked(), next).choose();
       if (plan.goal.asked()) {
         set_members(next, wanted_members(next, plan));
-        Choice(runs, pilot, options, next).choose();  // with the block of that many members
+        Choice(runs, pilot, options, plan.goal.asked(), next).choose();  // with the block of that many members
         set_members(next, wanted_members(next, plan));
       }
     }
@@ -355,6 +445,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     if (!(wanted > 1.5 * budget)) break;
     budget = wanted;
   }
+  advice.pilot_seconds = seconds_so_far();  // what was drawn for the choice, too
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
@@ -365,7 +456,8 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
     name = "";
   }
-  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size() << " levels";
+  out << "pilot         work " << format("%.4g", advice.pilot_work) << ", " << std::to_string(advice.survey.rows.size())
+      << " levels";
   for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
   return out << '\n';
 }
@@ -379,6 +471,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   }
   Plan run = plan;
   run.samples = advice.members / advice.block;
+  run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.
   if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
@@ -387,7 +480,6 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  statistics.pilot_seconds += advice.pilot_seconds;
   if (advice.survey.law_exists == Answer::cannot_tell) {
     statistics.warnings.emplace_back(
         "the pilot cannot tell yet whether any law has finite variance and finite work; its law has finite "

@@ -46,6 +46,7 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   Plan draws = plan;  // no part of what a plan keeps
   draws.save = {};
   draws.earlier = {};
+  draws.pilot = {};
   const Statistics s = runs.draw(level, draws);
   const detail::Part value = detail::part_of(s, 0);
   const detail::Part difference = detail::part_of(s, 2);
@@ -68,6 +69,7 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   row.nonzero = s.components.back().mean;
   row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
+  row.fewer_threads = s.fewer_threads;
   std::tie(row.value_work, row.difference_work) = runs.work(level, plan);
   const auto each = static_cast<std::ptrdiff_t>(value.means.size());
   row.values.assign(s.components.begin(), s.components.begin() + each);
@@ -84,6 +86,11 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
     throw std::invalid_argument("survey: samples = " + std::to_string(plan.samples) +
                                 " (a variance needs two draws of each level); 4096 is a good start");
   }
+  if (levels - 1 > runs.deepest_level) {
+    throw std::invalid_argument("survey: levels = " + std::to_string(levels) +
+                                " (the deepest that can be drawn is level " + std::to_string(runs.deepest_level) +
+                                "); ask for at most " + std::to_string(runs.deepest_level + 1));
+  }
   std::vector<SurveyRow> rows;
   bool interrupted = false;
   try {
@@ -99,7 +106,9 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
     interrupted = true;
   }
   const std::size_t complete = rows.size();
+  const int fewer_threads = rows.front().fewer_threads;
   Survey result = conclude(std::move(rows), plan.seed);
+  if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_text(fewer_threads));
   if (interrupted) {
     result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
   }
@@ -125,7 +134,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
   // How deep: while the levels so far leave the next one its fewest draws.
   std::vector<double> each;
   try {
-    for (std::int64_t k = 0; k < most_levels; ++k) {
+    for (std::int64_t k = 0; k < std::min(most_levels, runs.deepest_level + 1); ++k) {
       const auto [value, difference] = runs.work(k, plan);
       const double both = std::max(value, difference);
       if (k > 2 && fewest_draws * both > work / static_cast<double>(k + 1)) break;
@@ -159,31 +168,30 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string number(std::string_view pattern, double x) { return formatted(pattern, x); }
-
-/// Right-aligned; "-" for what is no number.
-std::string cell(std::size_t width, std::string_view pattern, double x) {
-  const std::string text = std::isfinite(x) ? number(pattern, x) : "-";
-  return std::string(width > text.size() ? width - text.size() : 0, ' ') + text + ' ';
-}
-
 std::string rate_text(const FittedRate& r) {
   if (std::isinf(r.value)) return "faster than any";
   if (std::isnan(r.value)) return "unknown";
-  return number("%.2f", r.value) + " +- " + number("%.2f", r.error);
+  return format("%.2f", r.value) + " +- " + format("%.2f", r.error);
 }
 
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  out << "level     draws         E I     Var I         E D        +-     E D^2 kurtosis      z      work        us  "
-         "\n";
+  const auto line = [&out](const std::array<std::string, 12>& cells) {
+    constexpr std::array<std::size_t, 11> widths = {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << right(cells[i], widths[i]) << (i < 10 ? " " : "  ");
+    out << cells.back() << '\n';
+  };
+  const auto number = [](detail::NumberPattern pattern, double x) {
+    return std::isfinite(x) ? format(pattern, x) : std::string("-");
+  };
+  line({"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""});
   for (const SurveyRow& r : survey.rows) {
-    out << cell(5, "%.0f", static_cast<double>(r.level)) << cell(9, "%.0f", static_cast<double>(r.draws))
-        << cell(11, "%.5g", r.mean) << cell(9, "%.3g", r.variance) << cell(11, "%.4g", r.difference)
-        << cell(9, "%.2g", r.difference_error) << cell(9, "%.3g", r.second_moment) << cell(8, "%.3g", r.kurtosis)
-        << cell(6, "%.2f", r.consistency) << cell(9, "%.4g", r.difference_work) << cell(9, "%.3g", 1e6 * r.seconds)
-        << ' ' << (r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))) << '\n';
+    line({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean), number("%.3g", r.variance),
+          number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
+          number("%.3g", r.kurtosis), number("%.2f", r.consistency), number("%.4g", r.difference_work),
+          number("%.3g", 1e6 * r.seconds),
+          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))});
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";

@@ -75,7 +75,7 @@ std::string advice_on(numbers::Cause cause) {
     case Cause::encoding:
       return "convert it: iconv -f UTF-16 -t UTF-8 (or UTF-32)";
     case Cause::packed:
-      return "unpack it first, such as gunzip -c FILE | debias diagnose -";
+      return "unpack it first, such as by gunzip -c FILE | debias diagnose -, or of an archive the one file";
     case Cause::other_format:
       return "export the numbers as CSV, or as .npy";
     case Cause::npy:

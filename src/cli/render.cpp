@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include <debias/core/estimate.hpp>
+
 #include "core/bytes.hpp"
 #include "execute.hpp"
 #include "session.hpp"
@@ -113,6 +115,9 @@ int draw(const R& request, double exposure, Session& session, const Delivery& de
   progress.reset();
   report.complete ? session.flush() : session.suspend();
   target.write(report);
+  if (report.fewer_threads > 0 && !delivery.quiet) {
+    complain("warning: " + debias::detail::fewer_threads_text(report.fewer_threads));
+  }
   Output out;
   deliver(report, delivery, out);
   if (report.complete) return done;

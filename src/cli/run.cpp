@@ -39,7 +39,9 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;
   if (s.nonfinite == 0) {
-    complain("the goal is missed: the pilot saw less variance, or faster samples, than the run");
+    complain(s.goal.seconds == 0 && s.total_error() <= s.goal_error() / 2
+                 ? "the goal is missed: the stated bias is most of the error, and more samples do not change it"
+                 : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
   complain(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
@@ -181,8 +183,9 @@ int execute(const commands::MultilevelRequest& request, const Delivery& delivery
   progress.erase();
   session.flush();
   deliver(report, delivery, out);
-  if (report.statistics.converged) return done;
-  complain("the goal is missed: the levels are not enough");
+  if (report.statistics.goal_met()) return done;
+  complain(report.statistics.converged ? "the goal is missed: the error as measured is larger"
+                                       : "the goal is missed: the levels are not enough");
   return goal_missed;
 }
 

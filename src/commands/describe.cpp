@@ -86,6 +86,17 @@ Fields describe(const RunVerdict& v) {
           {"sentences", v.sentences()}};
 }
 
+Fields describe(const Coupling& c) {
+  const bool compared = c.state == Coupling::State::right || c.state == Coupling::State::wrong;
+  const auto known = [compared](Node x) { return compared ? std::move(x) : Node(nullptr); };
+  return {{"state", name_of(c.state)},
+          {"first_level", known(c.first_level)},
+          {"last_level", known(c.last_level)},
+          {"level", known(c.level)},
+          {"z", known(c.z)},
+          {"threshold", known(c.threshold)}};
+}
+
 Fields describe(const MeasuredRates& r) {
   return {{"kind", name_of(r.kind)},
           {"mean", describe(r.mean)},
@@ -102,6 +113,7 @@ Fields describe(const Advice& a) {
           {"bound", a.bound},
           {"highest_moment", a.highest_moment},
           {"pilot_work", a.pilot_work},
+          {"price", a.price},
           {"law_exists", name_of(a.survey.law_exists)},
           {"rates", describe(a.survey.rates)},
           {"sentences", a.sentences},

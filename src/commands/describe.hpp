@@ -18,6 +18,7 @@ Fields describe(const catalog::Problem& problem);
 Fields describe(const Interval& interval);
 Fields describe(const LevelRow& row);
 Fields describe(const RunVerdict& verdict);
+Fields describe(const Coupling& coupling);
 /// A value that is not finite: faster than any rate, as `kind` says, or not known.
 Fields describe(const MeasuredRates& rates);
 Fields describe(const Advice& advice);

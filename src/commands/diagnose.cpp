@@ -218,7 +218,12 @@ void Sums::finish(Diagnosis& d) {
   d.upper_tail = extremes_.upper_tail();
   d.lower_tail = extremes_.lower_tail();
   for (std::vector<double>* tail : {&d.upper_tail, &d.lower_tail}) {
-    for (double& x : *tail) x = std::ldexp(x, -scale_);
+    if (scale_ == 0) continue;
+    constexpr double nothing = 1e-290;  // beside values near 1; what is left of digits here has no shape
+    for (double& x : *tail) {
+      x = std::ldexp(x, -scale_);
+      if (std::abs(x) < nothing) x = 0;
+    }
   }
   d.largest = extremes_.largest();
   d.nonfinite = extremes_.nonfinite();
@@ -243,6 +248,7 @@ void conclude(Diagnosis& d) {
     d.robust = median_of_means(values);
     d.robust.value = std::ldexp(d.robust.value, d.scale);
   }
+  for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
   d.interval = scaled(d.interval, d.scale);
   d.block_interval = scaled(d.block_interval, d.scale);
 }

@@ -156,6 +156,7 @@ PicturesReport render(const TransmittanceRequest& request, const Caller& caller,
     }
     plan.saving = saving_in(caller.store, watched.name);
     const render::Rendering r = render::render(cloud, *method, plan);
+    if (r.fewer_threads > 0) all.fewer_threads = r.fewer_threads;
     const render::Image image = transmittance_of(r, plan);
     if (show) show(watched.name, request.compare ? image : composed(background_of(cloud, plan), image));
     all.pictures.push_back({watched.name, std::string(method->description), method->biased, plan.samples, r.lookups(),
@@ -194,6 +195,7 @@ PicturesReport render(const PhotonRequest& request, const Caller& caller, const 
       part.photons = std::ceil(share * plan.photons);
       part.saving = saving_in(caller.store, watched.name + " " + to_text(part.photons));
       const render::PhotonRendering r = render::render(*method, part);
+      if (r.fewer_threads > 0) all.fewer_threads = r.fewer_threads;
       const double error = relative_error(r.image, reference);
       if (r.complete && request.compare) all.curves.push_back({watched.name, r.photons, r.passes, error});
       if (share < 1) continue;

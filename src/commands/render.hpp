@@ -71,7 +71,8 @@ struct PicturesReport {
   int width = 0;
   int height = 0;
   std::uint64_t seed = 0;
-  bool complete = true;  ///< false: it was ended, and the last image is what there is
+  int fewer_threads = 0;  ///< that drew, where as many as asked for could not be had; else 0
+  bool complete = true;   ///< false: it was ended, and the last image is what there is
   std::vector<Picture> pictures;
   std::vector<CurvePoint> curves;  ///< to compare photons
 };

@@ -117,6 +117,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   if (!goal.asked()) {
     now.sampling.samples = plan.samples;
     const auto [first, last] = range_of(request.shard, plan.samples);
+    plan.whole = plan.samples;
     plan.first = first;
     plan.samples = last - first;
   }
@@ -257,10 +258,13 @@ Fields fields(const RunReport& run) {
     }
     f.push_back({"components", std::move(components)});
   }
+  if (!s.name.empty()) f.push_back({"name", s.name});
   append(f, {{"bias_bound", Fields{{"size", s.bias_bound.size}, {"sentence", s.bias_bound.sentence}}},
              {"samples", s.samples},
              {"work", s.work},
              {"seconds", s.seconds},
+             {"pilot_work", s.pilot_work},
+             {"pilot_seconds", s.pilot_seconds},
              {"efficiency", s.efficiency()},
              {"seed", s.seed},
              {"truth", run.problem->truth},
@@ -270,7 +274,8 @@ Fields fields(const RunReport& run) {
                                 {"tail_index", run.verdict.tail_index},
                                 {"sentence", run.verdict.sentence}}}});
   if (s.nonfinite == 0 && s.samples > 1) f.push_back({"evidence", describe(s.verdict())});
-  append(f, {{"warnings", s.warnings},
+  append(f, {{"coupling", describe(s.coupling)},
+             {"warnings", s.warnings},
              {"nonfinite", s.nonfinite},
              {"goal", describe_goal(s)},
              {"recipe", run.advice ? Node(describe(*run.advice)) : Node(nullptr)},

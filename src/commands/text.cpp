@@ -10,7 +10,7 @@
 
 namespace debias::commands {
 
-std::string rounded(double x, int digits) { return formatted("%." + std::to_string(digits) + "g", x); }
+std::string rounded(double x, int digits) { return format({std::chars_format::general, digits}, x); }
 
 void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths) {
   std::string line;

@@ -153,17 +153,10 @@ std::string_view in_words(double x) {
 
 }  // namespace
 
-std::string formatted(std::string_view pattern, double x) {
+std::string detail::format(NumberPattern pattern, double x) {
   if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
-  int precision = 6;
-  const std::size_t point = pattern.find('.');
-  if (point != pattern.npos) std::from_chars(pattern.data() + point + 1, pattern.data() + pattern.size(), precision);
-  const char style = pattern.back();
-  const auto format = style == 'e'   ? std::chars_format::scientific
-                      : style == 'f' ? std::chars_format::fixed
-                                     : std::chars_format::general;
-  std::array<char, 512> digits{};  // %f of the largest double has 310 before the point
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x, format, precision).ptr;
+  std::array<char, 512> digits{};  // %.99f of the largest double has 309 + 1 + 99 of them, and a sign
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x, pattern.kind, pattern.precision).ptr;
   return {digits.data(), end};
 }
 
@@ -184,6 +177,10 @@ double parse_share(std::string_view text, std::string_view what) {
   const double meant = x >= 1 && x < 100 ? x / 100 : 0.95;
   throw std::invalid_argument(std::string(what) + " = '" + std::string(text) +
                               "' (must lie in (0, 1)); did you mean '" + to_text(meant) + "'?");
+}
+
+std::string detail::right(const std::string& text, std::size_t width) {
+  return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
 }
 
 std::string to_text(double x) {

@@ -7,7 +7,12 @@
 #include <string>
 #include <string_view>
 
+#include <debias/core/text.hpp>
+
 namespace debias {
+
+using detail::format;
+using detail::right;
 
 /// The whole of `text` as a finite decimal number. Throws std::invalid_argument that names `what` for anything
 /// else: nan, inf, hexadecimal digits, a leading '+', blanks, trailing characters, or a number that no double
@@ -25,12 +30,8 @@ double parse_positive(std::string_view text, std::string_view what);
 double parse_seconds(std::string_view text, std::string_view what);
 double parse_share(std::string_view text, std::string_view what);
 
-/// The fewest digits that parse_double reads back as the same double; of others see `formatted`.
+/// The fewest digits that parse_double reads back as the same double; of others see `format`.
 std::string to_text(double x);
-
-/// As printf writes x by "%g", "%e" or "%f", with or without a precision ("%.3g"), in every locale. What is no number
-/// is said in words: unknown, infinity, minus infinity.
-std::string formatted(std::string_view pattern, double x);
 
 /// The name that is closest to `text` (edit distance, upper and lower case alike); empty when none is close.
 std::string nearest_name(std::string_view text, std::span<const std::string_view> names);

@@ -40,8 +40,6 @@ constexpr double draws_per_kurtosis_of_base = 10;
 // values.
 constexpr double irrelevant_share = -0.6;
 
-std::string format(std::string_view pattern, double x) { return formatted(pattern, x); }
-
 Finiteness below(double value, double error, double border) {
   if (value + confidence * error < border) return Finiteness::finite;
   if (value - confidence * error >= border) return Finiteness::infinite;

@@ -44,6 +44,7 @@ struct Array {
 /// The bytes of an element of type "<f8"; U counts characters of four bytes.
 std::uint64_t size_of(const std::string& type) {
   const std::size_t digits = type.find_first_of("0123456789");
+  if (type == "|O" || type == "O") unsupported("Python objects, type " + quoted(type));
   if (type.empty() || digits == std::string::npos || digits < 1) unsupported("elements of type " + quoted(type));
   std::uint64_t size = 0;
   std::string_view rest = std::string_view(type).substr(digits);

@@ -321,7 +321,32 @@ class Table {
         return;
       }
     }
+    if (plain_fields_ && !header_follows_ && add_field(line)) return;
     add_other_row(line);
+  }
+
+  /// A row as most are: the fields that are expected, no quotes, no comment, and a number in its column.
+  bool add_field(std::string_view line) {
+    const char* begin = line.data();
+    const char* const last = begin + line.size();
+    const char* end = last;
+    std::size_t count = 0;
+    const std::size_t wanted = report_.column_number - 1;
+    for (const char* at = begin; at != last; ++at) {
+      if (!special_[static_cast<unsigned char>(*at)]) continue;
+      if (*at != report_.separator) return false;
+      if (count == wanted) end = at;
+      if (++count == wanted) begin = at + 1;
+    }
+    if (count + 1 != expected_) return false;
+    while (begin != end && is_blank(*begin)) ++begin;
+    while (begin != end && is_blank(end[-1])) --end;
+    double x = 0;
+    const auto [stop, error] = std::from_chars(begin, end, x);
+    if (stop != end || error != std::errc{} || !(std::abs(x) <= std::numeric_limits<double>::max())) return false;
+    if (blanks_ > 0) add_blanks();
+    sink_.add(x, row_);
+    return true;
   }
 
   void add_other_row(std::string_view line) {
@@ -422,6 +447,8 @@ class Table {
     header_follows_ = report_.header;
     if (report_.header) report_.column = names[report_.column_number - 1];
     simple_ = report_.separator == 0 && request_.decimal == '.';
+    plain_fields_ = report_.separator != 0 && report_.separator != ' ' && request_.decimal == '.' && !ends_empty_;
+    for (const char c : {report_.separator, '"', '#', '\0'}) special_[static_cast<unsigned char>(c)] = true;
   }
 
   /// Tabs, semicolons and commas where the first row has one; blanks where the rows agree on them.
@@ -578,7 +605,9 @@ class Table {
   std::size_t expected_ = 1;  // fields
   bool ends_empty_ = false;   // the last of them, in the first row
   bool planned_ = false;
-  bool simple_ = false;  // a number a row, as from_chars reads it
+  bool simple_ = false;              // a number a row, as from_chars reads it
+  bool plain_fields_ = false;        // a row has `expected_` fields between single characters
+  std::array<bool, 256> special_{};  // characters that end a plain field, or are in none
   bool header_follows_ = false;
 };
 

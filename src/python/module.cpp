@@ -42,6 +42,7 @@ namespace {
 
 using commands::Watch;
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Flags = py::array_t<bool, py::array::c_style | py::array::forcecast>;
 using namespace std::chrono_literals;
 
 // A report's fields as Python objects; what is not finite is None.
@@ -109,17 +110,33 @@ auto translated(const F& f) {
   }
 }
 
+/// Runs f(watch) here: Python functions answer on the thread that their user called from.
+template <class F>
+auto on_this_thread(const F& f, const py::object& progress) {
+  auto next = std::chrono::steady_clock::now();
+  const Watch watch = [&](std::string_view, double done, double total) {
+    if (std::chrono::steady_clock::now() < next) return true;
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (!progress.is_none()) progress(done, total);
+    next = std::chrono::steady_clock::now() + 50ms;
+    return true;
+  };
+  const py::gil_scoped_release release;
+  return f(watch);
+}
+
 /// Runs f(watch) on a thread of its own, while this one answers Ctrl-C and shows the progress. A run that does not
 /// end within 0.35 s of Ctrl-C (deep in a level of 2^60 draws nobody looks) is left behind, and ends with the program.
 template <class F>
-auto on_worker(F f, const py::object& progress) {
+auto on_worker(const F& f, const py::object& progress) {
   struct Shared {
     std::atomic<double> done = 0;
     std::atomic<double> total = 0;
     std::atomic<bool> stop = false;
   };
   const auto shared = std::make_shared<Shared>();
-  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f = std::move(f), shared] {
+  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f, shared] {
     return f([&shared](std::string_view, double done, double total) {
       shared->done = done;
       shared->total = total;
@@ -127,7 +144,12 @@ auto on_worker(F f, const py::object& progress) {
     });
   });
   auto future = task.get_future();
-  std::thread worker(std::move(task));
+  std::thread worker;
+  try {
+    worker = std::thread(std::move(task));
+  } catch (const std::system_error&) {  // the machine has no more threads
+    return on_this_thread(f, progress);
+  }
   const auto ends_within = [&future](std::chrono::milliseconds time) {
     const py::gil_scoped_release release;
     return future.wait_for(time) == std::future_status::ready;
@@ -156,22 +178,6 @@ auto on_worker(F f, const py::object& progress) {
   }
   worker.join();
   return future.get();
-}
-
-/// Runs f(watch) here: Python functions answer on the thread that their user called from.
-template <class F>
-auto on_this_thread(const F& f, const py::object& progress) {
-  auto next = std::chrono::steady_clock::now();
-  const Watch watch = [&](std::string_view, double done, double total) {
-    if (std::chrono::steady_clock::now() < next) return true;
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    if (!progress.is_none()) progress(done, total);
-    next = std::chrono::steady_clock::now() + 50ms;
-    return true;
-  };
-  const py::gil_scoped_release release;
-  return f(watch);
 }
 
 // f(request, watch) for a problem of either kind, with request = request_of(problem, options).
@@ -285,16 +291,29 @@ Facts facts_of(const py::dict& d) {
   facts.rates = {number("variance_rate"), number("work_rate"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
+  if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
+    facts.deepest_level = d["deepest_level"].cast<std::int64_t>();
+  }
   return facts;
 }
 
 /// Takes pieces of numbers in order.
 class Diagnostician {
  public:
-  void add(const Doubles& piece) {
-    const std::span values(piece.data(), static_cast<std::size_t>(piece.size()));
+  void add(const Doubles& piece, const Flags& left_out) {
+    const auto size = static_cast<std::size_t>(piece.size());
+    if (left_out.size() != piece.size()) throw std::invalid_argument("diagnose: not one flag for each value");
+    const std::span values(piece.data(), size);
+    const std::span flags(left_out.data(), size);
     const py::gil_scoped_release release;
-    for (const double x : values) sums_.add(x, ++count_);  // the program counts from 1
+    for (std::size_t i = 0; i < size; ++i) {
+      ++count_;  // the program counts from 1, and what is left out has a place too
+      if (!flags[i]) {
+        sums_.add(values[i], count_);
+      } else if (++missing_ == 1) {
+        first_missing_ = count_;
+      }
+    }
   }
   py::tuple finish(const std::string& name) { return as_objects(concluded(name)); }
 
@@ -305,14 +324,33 @@ class Diagnostician {
     d.file = name;
     d.unit = "value";
     sums_.finish(d);
-    if (d.moments.count == 0) throw std::invalid_argument("diagnose: no value (one at least)");
+    if (d.moments.count == 0) {
+      throw std::invalid_argument(
+          "diagnose: no value (" +
+          (missing_ > 0 ? "all " + std::to_string(missing_) + " are masked or missing" : std::string("one at least")) +
+          ")");
+    }
     conclude(d);
     return d;
   }
 
   commands::Sums sums_;
   std::int64_t count_ = 0;
+  std::int64_t missing_ = 0;
+  std::int64_t first_missing_ = 0;
 };
+
+// Before 2.12 pybind11 reads the descriptors of NumPy 2 in the places of NumPy 1: every array that it makes has strides
+// of 0, so that `samples` was one number n times.
+void refuse_numpy_beyond_pybind11() {
+#if PYBIND11_VERSION_HEX < 0x020C0000
+  const auto version = py::module_::import("numpy").attr("__version__").cast<std::string>();
+  if (std::atoi(version.c_str()) < 2) return;
+  const std::string mine = std::to_string(PYBIND11_VERSION_MAJOR) + "." + std::to_string(PYBIND11_VERSION_MINOR);
+  throw py::import_error("debias: built with pybind11 " + mine + ", which reads arrays of NumPy " + version +
+                         " wrongly; take a NumPy below 2, or build debias with pybind11 2.12 or newer");
+#endif
+}
 
 }  // namespace
 }  // namespace debias::python
@@ -320,6 +358,7 @@ class Diagnostician {
 PYBIND11_MODULE(_debias, m) {
   using namespace debias;
   using namespace debias::python;
+  refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 

@@ -95,7 +95,7 @@ Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std:
   return p;
 }
 
-std::string text_of(double x) { return formatted("%.3g", x); }
+std::string text_of(double x) { return format("%.3g", x); }
 
 std::string levels_text(std::int64_t first, std::int64_t last) {
   return first == last ? "level " + std::to_string(first)

@@ -94,7 +94,7 @@ TEST_CASE("a run cut into any aligned ranges merges in any order to the bits of 
       parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(i) + 1);
     }
     const Result<double> whole = any_run(first, samples);
-    RC_ASSERT(validation::bits_of(parts.front()) == catalog::bits_of(whole));
+    RC_ASSERT(validation::bits_of(parts.front()) == validation::bits_of(whole));
     RC_ASSERT(scattered.contiguous());
     const Accumulator total = scattered.total();
     RC_ASSERT(total.moments.count == whole.moments.count);
