@@ -295,6 +295,7 @@ class Results(unittest.TestCase):
         for r in runs:
             self.assertEqual(debias.estimate("A10", samples=2000, seed=r.seed).mean, r.mean)
         self.assertEqual(debias.estimate("A10", samples=2000).seed, 1)
+        self.assertNotIn(debias.samples("A10", 2, seed="random").seed, ("random", 1, runs[0].seed))
         # every function that takes a seed
         for f in (lambda **seed: debias.survey("A10", levels=3, samples=500, **seed),
                   lambda **seed: debias.tradeoff("A10", points=2, samples=500, **seed),
@@ -474,6 +475,7 @@ class BadInput(unittest.TestCase):
             self.raises(ValueError, "^seed = -1 .must lie in 0", f, *arguments, seed=-1)
             self.raises(ValueError, "^seed = 18446744073709551616 .must lie in 0", f, *arguments, seed=2**64)
             self.raises(ValueError, "^seed = 'two'", f, *arguments, seed="two")
+        self.raises(ValueError, "seed = 'random'", debias.replay, "A10", 3, seed="random")
         for seed in (None, np.random.default_rng(1)):
             self.raises(TypeError, "^seed: .*give the `seed` of its result", debias.replay, "A10", 3, seed=seed)
         self.raises(AttributeError, "Diagnosis draws nothing", lambda: debias.diagnose([1.0, 2.0]).seed)

@@ -279,7 +279,7 @@ def _word(name: str, value: Any) -> str:
 
 def _seed(seed: Any) -> Union[int, str]:
     """The number that a seed stands for; a text is the program's word for one."""
-    if seed is None:
+    if seed is None or (isinstance(seed, str) and seed == "random"):  # as the program says it
         return secrets.randbits(64)
     if isinstance(seed, str):
         return seed
@@ -416,8 +416,8 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
-    words = _words(sample=sample, seed=_seed(seed), estimator=estimator, law=_law(_problem(problem), law, estimator),
-                   base_level=base_level, block=block)
+    words = _words(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
+                   law=_law(_problem(problem), law, estimator), base_level=base_level, block=block)
     return Report(*_debias.replay(problem, words, None))
 
 
