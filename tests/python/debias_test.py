@@ -236,6 +236,7 @@ class Results(unittest.TestCase):
         strided = np.ma.array(np.arange(12.0), mask=[i % 4 == 0 for i in range(12)])[::2]
         self.assertEqual(debias.diagnose(strided).mean, (2 + 6 + 10) / 3)
         self.assertEqual(debias.diagnose([1, np.ma.masked, 3]).mean, 2)
+        self.assertEqual(debias.diagnose([[1, np.ma.masked], [2, 6]]).mean, 3)
         self.assertEqual(debias.diagnose(np.ma.array([True, False, True], mask=[0, 1, 0])).mean, 1)
         unmasked = debias.diagnose(np.ma.array([1.0, 2.0, 4.0]))
         self.assertEqual(unmasked.to_json(), debias.diagnose([1.0, 2.0, 4.0]).to_json())
@@ -312,6 +313,9 @@ class Results(unittest.TestCase):
                 np.testing.assert_array_equal(fresh, same)
                 self.assertEqual(pickle.loads(pickle.dumps(fresh)).seed, fresh.seed)
                 self.assertFalse((fresh == other).all())
+                self.assertIs(type(fresh.mean()), np.float64)
+                self.assertIs(type(2 * fresh), np.ndarray)
+                self.assertEqual(fresh[1:].seed, fresh.seed)
             else:
                 self.assertEqual(without_times(fresh.to_dict()), without_times(same.to_dict()))
         r = runs[0]
