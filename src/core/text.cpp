@@ -160,7 +160,7 @@ std::string detail::format(NumberPattern pattern, double x) {
   return {digits.data(), end};
 }
 
-std::string detail::right(const std::string& text, std::size_t width) {
+std::string right(const std::string& text, std::size_t width) {
   return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
 }
 
