@@ -187,7 +187,13 @@ all() {
     }
     pending != "" && /^case[.]cpp/ { print line "\t" pending; pending = "" }
     END { if (pending != "") print "?\t" pending }' "$work/said" > "$work/errors"
-  # One error a refused case, with its words; none of the others.
+  compare "$1" "$work/expected" "$work/errors" > "$work/wrong" || failed=1
+  cut -c1-400 "$work/wrong"
+  sed -nE 's/^.* case ([0-9]+)[:,].*/\1/p' "$work/wrong" | sort -nu | while read -r n; do sed -n "${n}p" "$work/bodies"; done
+}
+
+# compare COMPILER EXPECTED ERRORS: one error a refused case, with its words, and none of the others.
+compare() {
   awk -F '\t' -v compiler="$1" '
     NR == FNR { words[$1] = $2; next }
     !($1 in words) { print compiler " refuses case " $1 ": " $2; bad = 1; next }
@@ -196,11 +202,20 @@ all() {
     END {
       for (i in words) if (!(i in seen)) { print compiler " accepts case " i ", " words[i]; bad = 1 }
       exit bad
-    }' "$work/expected" "$work/errors" > "$work/wrong" || failed=1
-  cut -c1-400 "$work/wrong"
-  sed -nE 's/^.* case ([0-9]+)[:,].*/\1/p' "$work/wrong" | sort -nu | while read -r n; do sed -n "${n}p" "$work/bodies"; done
+    }' "$2" "$3"
 }
 
 all "${CXX:-g++}"
 if command -v clang++ > /dev/null && [ "${CXX:-g++}" != clang++ ]; then all clang++; fi
+
+# The comparison can fail: another word, a case that is not refused, one that is, and one error too many.
+fails() { ! compare wrong "$1" "$2" > /dev/null || { echo "the comparison does not see $3"; failed=1; }; }
+sed '1s/value/reference/' "$work/expected" > "$work/other"
+fails "$work/other" "$work/errors" "another sentence"
+sed 1d "$work/errors" > "$work/other"
+fails "$work/expected" "$work/other" "an accepted mistake"
+sed 1d "$work/expected" > "$work/other"
+fails "$work/other" "$work/errors" "a refused program"
+{ cat "$work/errors"; printf '%s\tcase.cpp: error: no member\n' "$(sed -n 1p "$work/expected" | cut -f1)"; } > "$work/other"
+fails "$work/expected" "$work/other" "a second error"
 [ "$failed" -eq 0 ]

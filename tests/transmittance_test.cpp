@@ -211,6 +211,7 @@ TEST_CASE("orders and combs of the published estimators", "[transmittance][exact
 
 TEST_CASE("impossible rays are refused, in words", "[transmittance][exact]") {
   const auto one = [](double /*t*/) { return 1.0; };
+  const auto one_flight = [](Stream& rng) { return rng.uniform(); };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK_THROWS_WITH(Ray(one, RayBounds{0, 1, 0}), Catch::Contains("length = 0"));
   CHECK_THROWS_WITH(Ray(one, RayBounds{1, 1, 2}), Catch::Contains("minorant = 2"));
@@ -222,7 +223,7 @@ TEST_CASE("impossible rays are refused, in words", "[transmittance][exact]") {
   CHECK_THROWS_WITH(u_statistics(open), Catch::Contains("majorant"));
   CHECK_THROWS_WITH(delta_tracking(open), Catch::Contains("majorant"));
   CHECK_THROWS_WITH(residual_ratio_tracking(Ray(one, {1, 2, 0}), nan), Catch::Contains("control"));
-  CHECK_THROWS_WITH(davis_mixture(0, one), Catch::Contains("c = 0"));
+  CHECK_THROWS_WITH(davis_mixture(0, [&](double /*m*/) { return one_flight; }), Catch::Contains("c = 0"));
   const auto low = delta_tracking(Ray(one, {100, 0.5, 0}));
   Stream rng(1, 1);
   CHECK_THROWS_AS(low(rng), std::domain_error);

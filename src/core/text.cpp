@@ -179,7 +179,7 @@ double parse_share(std::string_view text, std::string_view what) {
                               "' (must lie in (0, 1)); did you mean '" + to_text(meant) + "'?");
 }
 
-std::string detail::right(const std::string& text, std::size_t width) {
+std::string right(const std::string& text, std::size_t width) {
   return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
 }
 

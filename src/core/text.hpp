@@ -2,6 +2,7 @@
 
 // Numbers as text and back, the same in every locale, and the nearest of a list of names.
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -12,7 +13,9 @@
 namespace debias {
 
 using detail::format;
-using detail::right;
+
+/// `text` behind as many blanks as make it `width` wide, for columns: the %12s of printf.
+std::string right(const std::string& text, std::size_t width);
 
 /// The whole of `text` as a finite decimal number. Throws std::invalid_argument that names `what` for anything
 /// else: nan, inf, hexadecimal digits, a leading '+', blanks, trailing characters, or a number that no double

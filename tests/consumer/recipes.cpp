@@ -1,4 +1,4 @@
-// A recipe of every kind of sequence: a user's warnings, all of them errors, find nothing in the headers.
+// A recipe of every kind of sequence, for the compiler: a user's warnings, all of them errors, find nothing in the headers.
 
 #include <cmath>
 #include <cstdint>

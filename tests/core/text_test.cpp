@@ -113,21 +113,12 @@ TEST_CASE("The nearest name is found through a typing error, and only then", "[c
   CHECK(debias::suggestion("uniform", names).empty());
 }
 
-TEST_CASE("formatted numbers are printf's, and never nan or inf", "[core][text][exact]") {
-  for (const double x : {0.0, 1.0, -2.5, 0.1, 123456.789, 1e-7, 1e300, 5e-324, 1e15, 99.95}) {
-    for (const char* pattern : {"%g", "%.2g", "%.15g", "%.3f", "%f", "%.0f", "%.1e", "%e"}) {
-      std::array<char, 512> expected{};
-      std::snprintf(expected.data(), expected.size(), pattern, x);
-      CHECK(formatted(pattern, x) == expected.data());
-    }
-  }
+TEST_CASE("the text of a number is never nan or inf", "[core][text][exact]") {
   const double infinity = std::numeric_limits<double>::infinity();
-  for (const double x : {std::nan(""), -std::nan(""), infinity, -infinity}) {
-    const bool is_nan = std::isnan(x);
-    const std::string words = is_nan ? "unknown" : (x > 0 ? "infinity" : "minus infinity");
-    CHECK(formatted("%.3g", x) == words);
-    CHECK(to_text(x) == words);
-  }
+  CHECK(to_text(std::nan("")) == "unknown");
+  CHECK(to_text(-std::nan("")) == "unknown");
+  CHECK(to_text(infinity) == "infinity");
+  CHECK(to_text(-infinity) == "minus infinity");
 }
 
 TEST_CASE("a mean without an error says so", "[core][text][exact]") {

@@ -236,6 +236,7 @@ class Results(unittest.TestCase):
         strided = np.ma.array(np.arange(12.0), mask=[i % 4 == 0 for i in range(12)])[::2]
         self.assertEqual(debias.diagnose(strided).mean, (2 + 6 + 10) / 3)
         self.assertEqual(debias.diagnose([1, np.ma.masked, 3]).mean, 2)
+        self.assertEqual(debias.diagnose([[1, np.ma.masked], [2, 6]]).mean, 3)
         self.assertEqual(debias.diagnose(np.ma.array([True, False, True], mask=[0, 1, 0])).mean, 1)
         unmasked = debias.diagnose(np.ma.array([1.0, 2.0, 4.0]))
         self.assertEqual(unmasked.to_json(), debias.diagnose([1.0, 2.0, 4.0]).to_json())
@@ -295,6 +296,7 @@ class Results(unittest.TestCase):
         for r in runs:
             self.assertEqual(debias.estimate("A10", samples=2000, seed=r.seed).mean, r.mean)
         self.assertEqual(debias.estimate("A10", samples=2000).seed, 1)
+        self.assertNotIn(debias.samples("A10", 2, seed="random").seed, ("random", 1, runs[0].seed))
         # every function that takes a seed
         for f in (lambda **seed: debias.survey("A10", levels=3, samples=500, **seed),
                   lambda **seed: debias.tradeoff("A10", points=2, samples=500, **seed),
@@ -311,6 +313,9 @@ class Results(unittest.TestCase):
                 np.testing.assert_array_equal(fresh, same)
                 self.assertEqual(pickle.loads(pickle.dumps(fresh)).seed, fresh.seed)
                 self.assertFalse((fresh == other).all())
+                self.assertIs(type(fresh.mean()), np.float64)
+                self.assertIs(type(2 * fresh), np.ndarray)
+                self.assertEqual(fresh[1:].seed, fresh.seed)
             else:
                 self.assertEqual(without_times(fresh.to_dict()), without_times(same.to_dict()))
         r = runs[0]
@@ -480,6 +485,7 @@ class BadInput(unittest.TestCase):
             self.raises(ValueError, "^seed = -1 .must lie in 0", f, *arguments, seed=-1)
             self.raises(ValueError, "^seed = 18446744073709551616 .must lie in 0", f, *arguments, seed=2**64)
             self.raises(ValueError, "^seed = 'two'", f, *arguments, seed="two")
+        self.raises(ValueError, "seed = 'random'", debias.replay, "A10", 3, seed="random")
         for seed in (None, np.random.default_rng(1)):
             self.raises(TypeError, "^seed: .*give the `seed` of its result", debias.replay, "A10", 3, seed=seed)
         self.raises(AttributeError, "Diagnosis draws nothing", lambda: debias.diagnose([1.0, 2.0]).seed)

@@ -7,8 +7,9 @@
 // A BiasedSequence addresses its levels: `s(level, rng)` returns a coupled draw of I_k and D_k. A TermSequence
 // yields the terms of a series in order along one path: `s(rng)` returns a cursor, `cursor()` the next term.
 // Both are const callables of a Stream, a lambda will do; a `mutable` one, a data race in a parallel run, does
-// not compile. What is required: E D_k = E I_k - E I_(k-1) for every k (every run checks it where draws have values), D_0 =
-// I_0, work > 0, and sum_k E|D_k| < infinity. Optional members, found by concepts:
+// not compile, nor does one that takes its Stream by value, whose numbers would all be equal. What is required: E D_k = E I_k -
+// E I_(k-1) for every k (every run checks it where draws have values), D_0 = I_0, work > 0, and sum_k E|D_k| < infinity.
+// Optional members, found by concepts:
 //
 //   value_at(level, rng)            -> Term: I_k alone, when the coarse partner costs extra
 //   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra; no run checks the coupling then

@@ -19,7 +19,6 @@ struct NumberPattern {
   std::chars_format kind{};
   int precision = 6;
 
-  // NOLINTNEXTLINE(google-explicit-constructor): a literal is a pattern
   consteval NumberPattern(const char* pattern) {
     if (*pattern++ != '%') throw "a number's pattern is %g, %f or %e, such as %.3g";
     if (*pattern == '.') {
@@ -49,8 +48,5 @@ struct NumberPattern {
 
 /// As printf writes `x` in the C locale. What is no number is said in words: unknown, infinity, minus infinity.
 std::string format(NumberPattern pattern, double x);
-
-/// `text` behind as many blanks as make it `width` wide, for columns: the %12s of printf.
-std::string right(const std::string& text, std::size_t width);
 
 }  // namespace debias::detail

@@ -235,12 +235,16 @@ class Diagnosis(Report):
 
 
 class Samples(np.ndarray):
-    """An array of samples that knows the `seed` they were drawn with."""
+    """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array."""
 
     seed: Union[None, int, str] = None
 
     def __array_finalize__(self, origin: Any) -> None:
         self.seed = getattr(origin, "seed", None)
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        plain = np.asarray(array)
+        return plain if plain.ndim else plain[()]
 
     def __reduce__(self) -> Any:
         rebuild, arguments, state = super().__reduce__()
@@ -289,7 +293,7 @@ def _option(name: str, value: Any) -> Union[str, int, float]:
 
 def _seed(seed: Any) -> Union[int, str]:
     """The number that a seed stands for; a text is the program's word for one."""
-    if seed is None:
+    if seed is None or (isinstance(seed, str) and seed == "random"):  # as the program says it
         return secrets.randbits(64)
     if isinstance(seed, str):
         return seed
@@ -427,8 +431,8 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
-    options = _options(sample=sample, seed=_seed(seed), estimator=estimator, law=_law(_problem(problem), law, estimator),
-                       base_level=base_level, block=block)
+    options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
+                       law=_law(_problem(problem), law, estimator), base_level=base_level, block=block)
     return Report(*_debias.replay(problem, options, None))
 
 
@@ -485,6 +489,11 @@ def _has_mask(values: Any) -> bool:
     return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
 
 
+def _masked(values: Any) -> np.ma.MaskedArray:
+    nested = isinstance(values, (list, tuple)) and any(isinstance(x, (list, tuple)) for x in values)
+    return np.ma.stack([_masked(x) for x in values]) if nested else np.ma.array(values)
+
+
 def _numbers(values: Any) -> Tuple[np.ndarray, Optional[np.ndarray]]:
     """An array, and which of its numbers are missing: masked, or NA in one of pandas' types that can say so."""
     kind = getattr(getattr(values, "dtype", None), "numpy_dtype", None)
@@ -494,7 +503,7 @@ def _numbers(values: Any) -> Tuple[np.ndarray, Optional[np.ndarray]]:
     elif _has_mask(values):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # in lists: "a masked element to nan"
-            masked = np.ma.array(values)
+            masked = _masked(values)
         array, missing = masked.data, np.ma.getmaskarray(masked)
         if missing.dtype != bool:  # of records, which are no numbers
             missing = None
