@@ -141,5 +141,6 @@ if [ -n "$(check_objects "$wrong/right.o")" ] || [ "$(check_objects "$wrong/wron
   exit 1
 fi
 built=$(dirname "$(dirname "$1")")
-bad=$(check_objects "$built"/libdebias.a "$built"/libdebias_catalog.a "$built"/libdebias_commands.a)
+bad=$(check_objects "$built"/libdebias.a "$built"/libdebias_catalog.a "$built"/libdebias_validation.a \
+  "$built"/libdebias_commands.a)
 [ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }
