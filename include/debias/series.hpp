@@ -255,7 +255,7 @@ class Blocks {
   /// The last block whose terms the series has.
   [[nodiscard]] std::int64_t deepest_level() const {
     const auto end = static_cast<std::uint64_t>(deepest_level_of(series_)) + 1;
-    return std::min<std::int64_t>(62, std::bit_width(end) - 1);
+    return std::min<std::int64_t>(62, static_cast<std::int64_t>(std::bit_width(end)) - 1);
   }
 
   Rates rates;

@@ -147,9 +147,9 @@ TEST_CASE("no estimator hides a NaN or an infinity of its law, its policy or its
   check("roulette", "late policy", roulette(terms, [](std::int64_t, double) { return bad(0.6); }));
   CHECK(std::isnan(RunningWeight(1)(1, poisons[0])));
   const auto negative = roulette(terms, [](std::int64_t) { return -0.5; });
-  Stream rng(1, 0);
+  Stream first(1, 0);
   NullRecord record;
-  CHECK_THROWS_AS(draw_sample(negative, rng, record), std::domain_error);
+  CHECK_THROWS_AS(draw_sample(negative, first, record), std::domain_error);
   check_sequence("single_term", "sequence", coupled_draw);
   check_sequence("coupled", "fine and coarse", coupled_draw);
   covers("truncated", "sequence");

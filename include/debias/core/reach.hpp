@@ -140,9 +140,14 @@ Reach reach_of(const S& sequence, const P& law, std::int64_t base_level, std::in
     reach.pmf = law.spec();
     reach.decay = law.tail_exponent().decay;
   }
+  // A PMF of a user's own that names no tail may draw any int64, and its `tail` may be what a sum divides by and no more:
+  // it is judged only where the sequence itself ends.
+  if (!DescribedPmf<P> && reach.deepest == deepest_of_all) return reach;
   // Levels count from the base on; a PMF has no more than 2^62 outcomes itself.
   const bool some = base_level <= reach.deepest && first_level <= reach.deepest;
-  reach.beyond = some ? law.tail(std::min(reach.deepest - first_level, deepest_of_all - 1) + 1) : 1;
+  const std::int64_t outcome = std::min(reach.deepest - first_level, deepest_of_all - 1) + 1;  // the first too deep
+  reach.beyond = some ? law.tail(outcome) : 1;
+  if (some && !DescribedPmf<P> && reach.beyond > 0 && law.sample(reach.beyond) < outcome) reach.beyond = 0;
   return reach;
 }
 
