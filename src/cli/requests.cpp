@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -100,10 +101,9 @@ class Reader {
     seed(field, x);
   }
   // One of `names`, in their order.
-  template <std::size_t n>
-  void word(const std::string& field, std::size_t& x, const std::array<std::string_view, n>& names,
-            const std::string& what, const std::string& why, const std::string& help) const {
-    for (x = 0; x < n; ++x) {
+  void word(const std::string& field, std::size_t& x, std::span<const std::string_view> names, const std::string& what,
+            const std::string& why, const std::string& help) const {
+    for (x = 0; x < names.size(); ++x) {
       if (text(field) == names[x]) return;
     }
     const std::string meant = suggestion(text(field), names);
@@ -214,8 +214,7 @@ class Writer {
   void share(const std::string& field, double x) { text(field, to_text(x)); }
   void seed(const std::string& field, std::uint64_t x) { text(field, std::to_string(x)); }
   void seed_or_random(const std::string& field, std::uint64_t x) { seed(field, x); }
-  template <std::size_t n>
-  void word(const std::string& field, std::size_t x, const std::array<std::string_view, n>& names,
+  void word(const std::string& field, std::size_t x, std::span<const std::string_view> names,
             const std::string& /*what*/, const std::string& /*why*/, const std::string& /*help*/) {
     text(field, std::string(names[x]));
   }
