@@ -115,8 +115,8 @@ double radius_below(const char* name, const A& a, double limit, const char* advi
 inline void check_finite(const char* name, const char* what, const Eigen::VectorXd& v) {
   for (Eigen::Index i = 0; i < v.size(); ++i) {
     if (!std::isfinite(v[i])) {
-      refuse_operator(
-          name, std::string(what) + "[" + std::to_string(i) + "] = " + std::to_string(v[i]) + " (must be finite)");
+      refuse_operator(name, std::string(what) + "[" + std::to_string(i) + "] = " + detail::format("%g", v[i]) +
+                                " (must be finite)");
     }
   }
 }

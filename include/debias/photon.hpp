@@ -49,7 +49,8 @@ enum class Kernel { disc, cone, epanechnikov };
 
 namespace detail {
 [[noreturn]] inline void refuse_photon(double distance2, double power) {
-  throw std::domain_error("photon: distance2 = " + std::to_string(distance2) + ", power = " + std::to_string(power) +
+  throw std::domain_error("photon: distance2 = " + detail::format("%g", distance2) +
+                          ", power = " + detail::format("%g", power) +
                           " (must be at least 0, and finite); an infinite distance is a photon that arrives nowhere");
 }
 /// A power that is not finite is refused, wherever its photon arrived.

@@ -197,8 +197,8 @@ class ReciprocalProduct {
 
  private:
   [[noreturn]] void refuse(double x) const {
-    throw std::domain_error("reciprocal_product: X = " + std::to_string(x) + " (must lie in [" +
-                            std::to_string(least_) + ", " + std::to_string(largest_) +
+    throw std::domain_error("reciprocal_product: X = " + detail::format("%g", x) + " (must lie in [" +
+                            detail::format("%g", least_) + ", " + detail::format("%g", largest_) +
                             "]); reciprocal_residual needs a majorant of X");
   }
 

@@ -248,7 +248,7 @@ class PolicyRoulette {
 
   [[noreturn]] static void refuse(double probability, std::int64_t level) {
     throw std::domain_error("roulette: the policy keeps the term of level " + std::to_string(level) +
-                            " with probability " + std::to_string(probability) +
+                            " with probability " + detail::format("%g", probability) +
                             " (must lie in [0, 1]; 0 ends the sum)");
   }
 

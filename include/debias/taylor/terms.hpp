@@ -139,15 +139,15 @@ V constant(double c) {
 inline double inverse_of_scale(double scale, double at) {
   const double inverse = 1 / scale;
   if (std::isfinite(scale) && std::isfinite(inverse)) return inverse;
-  throw std::domain_error("taylor: the scale of the series at " + std::to_string(at) + " is " + std::to_string(scale) +
-                          " (must be finite and not 0)");
+  throw std::domain_error("taylor: the scale of the series at " + detail::format("%g", at) + " is " +
+                          detail::format("%g", scale) + " (must be finite and not 0)");
 }
 
 /// A mean square is at least 0, whatever the radius.
 inline void require_mean_square(const Centre& c) {
   if (c.mean_square >= 0 && std::isfinite(c.mean_square)) return;
-  throw std::invalid_argument("taylor: Centre{" + std::to_string(c.at) +
-                              ", mean_square = " + std::to_string(c.mean_square) + "} (must be at least 0 and finite)");
+  throw std::invalid_argument("taylor: Centre{" + detail::format("%g", c.at) + ", mean_square = " +
+                              detail::format("%g", c.mean_square) + "} (must be at least 0 and finite)");
 }
 
 /// Checks b < survival ratio < 1 as far as b is known.
