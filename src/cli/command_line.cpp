@@ -15,6 +15,7 @@
 #include "commands/text.hpp"
 #include "core/ranks.hpp"
 #include "core/text.hpp"
+#include "manual.hpp"
 
 namespace debias::cli {
 namespace {
@@ -148,9 +149,10 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   app.option_defaults()->always_capture_default();
   app.set_version_flag("--version", commands::version_text(),
                        "Print the versions of program and stream layout, and the compiler");
-  const CLI::Option* const man = app.add_flag("--man", "Print the man page: debias --man | man -l -");
-  const CLI::Option* const complete =
-      app.add_flag("--completion", "Print the completion for bash: eval \"$(debias --completion)\"");
+  bool man = false;
+  bool complete = false;
+  app.add_flag("--man", man, "Print the man page: debias --man | man -l -");
+  app.add_flag("--completion", complete, "Print the completion for bash: eval \"$(debias --completion)\"");
   app.footer(
       "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 goal missed, 4 validation failed,\n"
       "5 file error, 6 non-finite samples, 130 interrupted.\n\nSee `debias COMMAND --help`.");
@@ -328,9 +330,9 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
     out.flush();
     return std::nullopt;
   }
-  if (man->count() > 0 || complete->count() > 0) {
+  if (man || complete) {
     Output out;
-    out.stream() << (man->count() > 0 ? man_page(app) : completion(app));
+    out.stream() << (man ? man_page(app) : completion(app));
     out.flush();
     return std::nullopt;
   }
