@@ -2,7 +2,7 @@
 
 // A report as names and values, in order: what JSON and a Python dict are made of.
 
-#include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -22,19 +22,21 @@ using Fields = std::vector<Entry>;
 struct Node {
   using Value = std::variant<std::nullptr_t, bool, std::int64_t, std::uint64_t, double, std::string, List, Fields>;
 
-  Node(std::nullptr_t) : value(nullptr) {}
-  Node(bool x) : value(x) {}
-  template <std::signed_integral T>
-  Node(T x) : value(static_cast<std::int64_t>(x)) {}
-  template <std::unsigned_integral T>
-  requires(!std::same_as<T, bool>) Node(T x) : value(static_cast<std::uint64_t>(x)) {}
-  Node(double x) : value(x) {}
-  Node(const char* x) : value(std::string(x)) {}
-  Node(std::string_view x) : value(std::string(x)) {}
-  Node(std::string x) : value(std::move(x)) {}
-  Node(List x) : value(std::move(x)) {}
-  Node(Fields x) : value(std::move(x)) {}
-  Node(const std::vector<std::string>& x) : value(List(x.begin(), x.end())) {}
+  Node(std::nullptr_t);
+  Node(bool x);
+  Node(int x);
+  Node(long x);
+  Node(long long x);
+  Node(unsigned x);
+  Node(unsigned long x);
+  Node(unsigned long long x);
+  Node(double x);
+  Node(const char* x);
+  Node(std::string_view x);
+  Node(std::string x);
+  Node(List x);
+  Node(Fields x);
+  Node(const std::vector<std::string>& x);
 
   Value value;
 };
@@ -43,6 +45,23 @@ struct Entry {
   std::string name;
   Node value;
 };
+
+// Here, where Entry is complete.
+inline Node::Node(std::nullptr_t) : value(nullptr) {}
+inline Node::Node(bool x) : value(x) {}
+inline Node::Node(int x) : value(std::int64_t{x}) {}
+inline Node::Node(long x) : value(std::int64_t{x}) {}
+inline Node::Node(long long x) : value(std::int64_t{x}) {}
+inline Node::Node(unsigned x) : value(std::uint64_t{x}) {}
+inline Node::Node(unsigned long x) : value(std::uint64_t{x}) {}
+inline Node::Node(unsigned long long x) : value(std::uint64_t{x}) {}
+inline Node::Node(double x) : value(x) {}
+inline Node::Node(const char* x) : value(std::string(x)) {}
+inline Node::Node(std::string_view x) : value(std::string(x)) {}
+inline Node::Node(std::string x) : value(std::move(x)) {}
+inline Node::Node(List x) : value(std::move(x)) {}
+inline Node::Node(Fields x) : value(std::move(x)) {}
+inline Node::Node(const std::vector<std::string>& x) : value(List(x.begin(), x.end())) {}
 
 inline void append(Fields& fields, Fields more) {
   for (Entry& entry : more) fields.push_back(std::move(entry));
