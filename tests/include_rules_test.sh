@@ -11,7 +11,7 @@ no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|seque
 may_include() {
   case $1 in
     core/*) echo 'core/.*' ;;
-    pmf/any) echo 'core/.*|pmf/.*' ;;
+    pmf/any | pmf/reach) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
     function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;

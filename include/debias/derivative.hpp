@@ -259,11 +259,10 @@ class FiniteDifference {
     const bool stays = rise(highest) > error(highest) - least_fall * static_cast<double>(last.level - highest.level);
     if (!grows && !stays) return {};
     const Moment& from = grows ? first : highest;
-    std::ostringstream text;
-    text << "the differences " << (grows ? "grow" : "do not fall") << " (E D_k^2 = " << std::exp(from.log_square)
-         << " at level " << from.level << ", " << std::exp(last.log_square) << " at " << last.level
-         << "): f jumps, or has noise of its own, and common random numbers do not help";
-    return text.str();
+    return std::string("the differences ") + (grows ? "grow" : "do not fall") +
+           " (E D_k^2 = " + detail::format("%g", std::exp(from.log_square)) + " at level " +
+           std::to_string(from.level) + ", " + detail::format("%g", std::exp(last.log_square)) + " at " +
+           std::to_string(last.level) + "): f jumps, or has noise of its own, and common random numbers do not help";
   }
 
   // How an f without noise falls is seen level by level, over the last levels on which it is above rounding.
@@ -297,14 +296,8 @@ class FiniteDifference {
     const double needed = share_of_rate * std::min(rates.variance / 2, 16.0) * static_cast<double>(late - early);
     if (after * std::exp2(needed) <= before) return {};
     return std::string("the differences ") + (after > before ? "grow" : "do not fall as declared") +
-           " (|D_k| = " + text_of(before) + " at level " + std::to_string(early) + ", " + text_of(after) + " at " +
-           std::to_string(late) + "): f jumps or bends there, or has a pole";
-  }
-
-  static std::string text_of(double x) {
-    std::ostringstream text;
-    text << x;
-    return text.str();
+           " (|D_k| = " + detail::format("%g", before) + " at level " + std::to_string(early) + ", " +
+           detail::format("%g", after) + " at " + std::to_string(late) + "): f jumps or bends there, or has a pole";
   }
 
   /// How far rounding of numbers of that size may move I_level.

@@ -86,7 +86,7 @@ struct ClampedReciprocal {
 
  private:
   [[noreturn]] static void refuse(std::int64_t level, double m) {
-    throw std::domain_error("clamped_reciprocal: a mean of " + std::to_string(m) + " at level " +
+    throw std::domain_error("clamped_reciprocal: a mean of " + detail::format("%g", m) + " at level " +
                             std::to_string(level) + " (X must be at least 0); reciprocal takes X of one sign, either");
   }
   [[nodiscard]] double floor(std::int64_t level) const {

@@ -252,8 +252,8 @@ inline std::int64_t poisson_quantile(double mean, double probability) {
 /// Throws std::invalid_argument unless both are at least 0 and below 10^9.
 inline std::int64_t comb_of_u_statistics(double majorant_depth, double mean_order) {
   if (!(majorant_depth >= 0 && majorant_depth < 1e9 && mean_order >= 0 && mean_order < 1e9)) {
-    throw std::invalid_argument("comb_of_u_statistics: majorant_depth = " + std::to_string(majorant_depth) +
-                                ", mean_order = " + std::to_string(mean_order) + " (must lie in [0, 10^9))");
+    throw std::invalid_argument("comb_of_u_statistics: majorant_depth = " + detail::format("%g", majorant_depth) +
+                                ", mean_order = " + detail::format("%g", mean_order) + " (must lie in [0, 10^9))");
   }
   const double d = majorant_depth;
   const double terms = std::ceil(std::cbrt((0.015 + d) * (0.65 + d) * (60.3 + d)));

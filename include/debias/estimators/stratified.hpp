@@ -31,6 +31,7 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -218,7 +219,7 @@ class Stratified {
   }
 
   [[noreturn]] static void refuse_mass(std::int64_t j, double mass) {
-    throw std::invalid_argument("stratified: the law has the mass " + std::to_string(mass) + " at " +
+    throw std::invalid_argument("stratified: the law has the mass " + detail::format("%g", mass) + " at " +
                                 std::to_string(j) + " (must lie in [0, 1])");
   }
 
