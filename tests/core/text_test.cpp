@@ -16,7 +16,6 @@
 
 #include "catch_shim.hpp"
 
-using debias::formatted;
 using debias::nearest_name;
 using debias::parse_double;
 using debias::to_text;
