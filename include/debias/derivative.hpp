@@ -276,7 +276,7 @@ class FiniteDifference {
       const double size = std::abs(debias::as_scalar(draw.difference));
       const double here = std::abs(debias::as_scalar(detail::evaluate(f_, at_ + step(k), unused)));
       if (!std::isfinite(size) || !std::isfinite(here)) {
-        return "f is not finite at a distance of " + text_of(step(k));
+        return "f is not finite at a distance of " + detail::format("%g", step(k));
       }
       const double noise = units_of_noise * (rounding_error(k, std::max(size_, here)) +
                                              epsilon_of<value_type>() * std::abs(debias::as_scalar(draw.value)));
