@@ -78,6 +78,7 @@ Json advice_json(const Advice& a) {
           {"highest_moment", number(a.highest_moment)},
           {"pilot_work", number(a.pilot_work)},
           {"law_exists", name_of(a.survey.law_exists)},
+          {"grade", name_of(a.survey.grade)},
           {"rates", rates_json(a.survey.rates)},
           {"sentences", a.sentences},
           {"remarks", a.survey.remarks}};
@@ -107,6 +108,7 @@ Json interval_json(const Interval& interval) {
 
 Json evidence_json(const RunVerdict& v) {
   return {{"variance", name_of(v.variance)},
+          {"grade", name_of(v.grade)},
           {"fourth_moment", name_of(v.fourth_moment)},
           {"work", name_of(v.work)},
           {"interval_reliable", v.interval_reliable()},
@@ -122,10 +124,14 @@ Json evidence_json(const RunVerdict& v) {
             {"beta", number(v.levels.beta)},
             {"beta_error", number(v.levels.beta_error)},
             {"rho", number(v.levels.rho)},
+            {"diverges", number(v.levels.diverges)},
+            {"growth", number(v.levels.growth)},
             {"polynomial", v.levels.polynomial}}},
           {"upper_tail", tail_json(v.upper)},
           {"lower_tail", tail_json(v.lower)},
           {"kurtosis", number(v.kurtosis)},
+          {"unseen_share", number(v.unseen_share)},
+          {"degrees", number(v.degrees)},
           {"largest_share", number(v.largest_share)},
           {"deepest_level", v.deepest_level},
           {"samples_needed", number(v.samples_needed)},
@@ -323,6 +329,7 @@ std::string survey_json(const SurveyOf& s) {
       {"problem", s.problem->name}, {"id", id_json(*s.problem)}, {"samples", s.samples}, {"seed", survey.seed}};
   json["rates"] = rates_json(survey.rates);
   json["law_exists"] = name_of(survey.law_exists);
+  json["grade"] = name_of(survey.grade);
   json["remarks"] = survey.remarks;
   json["work"] = number(survey.work);
   json["seconds"] = survey.seconds;

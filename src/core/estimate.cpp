@@ -314,6 +314,25 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
 
 }  // namespace
 
+Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability) {
+  constexpr std::int64_t most = 1024;
+  constexpr double least = 1e-280;
+  std::int64_t base = 0;
+  for (const LevelRow& row : rows) {
+    if (row.is_base) base = row.level;
+  }
+  Masses m;
+  m.first_level = probability(base) > 0 && probability(base + 1) > 0 ? base : base + 1;
+  const std::int64_t end = base + most;
+  while (m.first_level < end && !(probability(m.first_level) > 0)) ++m.first_level;
+  for (std::int64_t k = m.first_level; k < end; ++k) {
+    const double p = probability(k);
+    if (!(p > least)) break;
+    m.mass.push_back(p);
+  }
+  return m;
+}
+
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
   s.warnings.emplace_back(
@@ -382,6 +401,9 @@ Statistics merge(const Statistics& a, const Statistics& b) {
       }
     }
   }
+  statistics.masses = a.masses.empty() ? b.masses : a.masses;
+  statistics.pilot_levels = a.pilot_levels.empty() ? b.pilot_levels : a.pilot_levels;
+  statistics.sequence = a.pilot_levels.empty() ? b.sequence : a.sequence;
   add_warnings(statistics);
   return statistics;
 }

@@ -27,13 +27,10 @@ const char* name_of(Grade grade) {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double shown_p = 0.005;  // of a wrong answer
 constexpr double likely_p = 0.1;
 constexpr double most_unseen = 0.5;       // of S, where the answer is yes
 constexpr double hits_promised = 14;      // P(none) = 1e-6
-constexpr double steep = 3;               // of work over three levels: it grows by powers of two
 constexpr double known_error = 0.5;       // octaves
 constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
 constexpr double zeros_of_nothing = 100;  // draws, where no level has shown a difference
@@ -228,8 +225,8 @@ class Scales {
     if (!live_.empty() && beside_value(live_.back()) < drowned) return;  // the decay decides
     double draws = 0;
     for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
-    if (sequence_.constant_limit) {
-      if (value_has_fallen(zeros.back())) {
+    if (sequence_.constant_limit && deepest_value() < e_.facts.size()) {
+      if (value_has_fallen()) {
         finish(End::zeros, Answer::yes, Grade::shown);
       } else {
         finish(End::aliased, Answer::open, Grade::open);
@@ -302,13 +299,24 @@ class Scales {
            voice(live_[live_.size() - 1]).hits >= few && voice(live_[live_.size() - 2]).hits >= few;
   }
 
-  [[nodiscard]] bool value_has_fallen(std::size_t deepest) const {
-    const LevelFacts& f = fact(deepest);
-    if (std::isnan(f.value_variance)) return false;
+  // The deepest level of which the variance of the value is known; the end of the table where it is of none.
+  [[nodiscard]] std::size_t deepest_value() const {
+    for (std::size_t i = e_.facts.size(); i-- > 0;) {
+      if (!std::isnan(fact(i).value_variance) && fact(i).value_square > 0) return i;
+    }
+    return e_.facts.size();
+  }
+
+  // What is left of the variance of the value is rounding, or no more than the differences that are left explain.
+  [[nodiscard]] bool value_has_fallen() const {
+    const LevelFacts& f = fact(deepest_value());
     if (f.value_variance <= std::exp2(-60) * f.value_square) return true;
-    const std::size_t from = live_.empty() ? 0 : live_.back();
-    const double falls = std::log2(fact(from).value_variance / f.value_variance);
-    return falls > static_cast<double>(f.level - fact(from).level);
+    if (live_.empty()) return false;
+    constexpr double explained = 16;
+    const LevelFacts& last = fact(live_.back());
+    if (f.level >= last.level && f.value_variance <= explained * last.second_moment) return true;
+    const double falls = std::log2(last.value_variance / f.value_variance);
+    return f.level > last.level && falls > static_cast<double>(f.level - last.level);
   }
 
   // What turns a no into open: no trend, but a hump or a start.
@@ -400,10 +408,14 @@ class Scales {
       ++counted;
       unclear += voice(i).tail != LevelTail::light;
     }
+    // Deeper levels of fewer draws are not to be called fine because they have not shown what shallower ones have.
+    const bool doubtful = e_.missing_moments && 3 * unclear > counted;
     // A decay like a power beside work like a power converges late: no trend tells from few levels.
-    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error;
+    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2;
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
-    if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
+    if (doubtful) {
+      e_.reasons.emplace_back("the largest differences of most levels look as if there were no second moment");
+    } else if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
       e_.answer = Answer::yes;
       e_.grade = Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
@@ -557,13 +569,13 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       at(v.level) = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
     }
   }
-  const bool over = e.end == End::stated || e.end == End::rounding;
+  const bool over = e.end != End::none && e.grade == Grade::shown;
   // Zeros: the rule of three. Too few votes for a course: as the work asks for.
   const LevelFacts* before = nullptr;
   const double fall = (e.exponential_work ? e.work.value : 0) + 0.4;
   for (std::int64_t k = 1; k <= last; ++k) {
     Believed& here = at(k);
-    if (e.end == End::stated && k > e.last_difference) {
+    if (over && k > e.last_difference) {
       here = {};
       continue;
     }
@@ -575,11 +587,15 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       before = fact;
       continue;
     }
-    if (std::isfinite(here.log2_second) || over) continue;
-    if (fact != nullptr && before != nullptr) {
+    if (fact != nullptr && before != nullptr) {  // a course may promise more than the zeros leave room for
       const double share = std::isnan(before->nonzero) ? 1 : std::max(before->nonzero, 1e-12);
-      here = {std::log2(before->second_moment / share * 3 / static_cast<double>(fact->draws)), 0.01};
-    } else if (fact == nullptr && before != nullptr && e.courses.empty() && e.end == End::none) {
+      const double most = std::log2(before->second_moment / share * 3 / static_cast<double>(fact->draws));
+      const bool has_course = std::isfinite(here.log2_second);
+      if (!has_course || most < here.log2_second + here.error) here = {most, 0.01};
+      continue;
+    }
+    if (std::isfinite(here.log2_second)) continue;
+    if (fact == nullptr && before != nullptr && e.courses.empty() && e.end == End::none) {
       here = {std::max(at(k - 1).log2_second, -900.0) - fall, 2};
     }
   }

@@ -175,15 +175,21 @@ struct SumVerdict {
   double growth = 0;      ///< of E D_k^2 / p_k in octaves a level (or an octave of the level), in the limit
 };
 SumVerdict judge(const Evidence& evidence, const Masses& masses);
+/// P(sum_k E D_k^4 / p_k^3 is infinite): where it is, the variance of a run is known slowly.
+double fourth_moment_diverges(const Evidence& evidence, const Masses& masses);
+/// rho of the masses near that level: they fall like 2^(-rho k), or like k^(-rho).
+double exponent_of(const Masses& masses, std::int64_t level, bool& polynomial);
 
 /// R9: the variance of the mean of N members that the run has not shown, and how well the rest is known.
 struct Doubt {
-  double unseen = 0;  ///< sum of E D_k^2 / (p_k N) over levels with a mass but less than 8 honest hits, at +1 sd
-  double seen = 0;    ///< the same of the others
+  double unseen = 0;   ///< sum of E D_k^2 / (p_k N) over levels with a mass that have not shown 8 honest hits
+  double undrawn = 0;  ///< the same of levels that have, in a pilot, but of which the run expects less than 8
+  double seen = 0;     ///< the same of the others
   double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t, for the root of both
+  std::vector<std::int64_t> levels;  ///< of `unseen` and `undrawn`: the variance of the run does not speak for them
 
   /// At most half of the variance unseen, and eight degrees.
-  [[nodiscard]] bool reliable() const { return unseen <= seen && degrees >= 8; }
+  [[nodiscard]] bool reliable() const { return unseen <= seen + undrawn && degrees >= 8; }
 };
 Doubt doubt_of(const Evidence& evidence, const Masses& masses, double members);
 
