@@ -12,7 +12,7 @@ namespace debias::bench::plain {
 
 /// The stream of a level, split from `points`; the one stream, where there is one only.
 inline Stream points_of_level(const Stream& order, const Stream& points, int level) {
-  return &order == &points ? order : split_level(points, level);
+  return &order == &points ? Stream(order) : split_level(points, level);
 }
 
 /// A level and its mass under a geometric law with parameter r, by going through the levels.

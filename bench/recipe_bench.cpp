@@ -25,9 +25,12 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
     const catalog::Method method =
         advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
     const Statistics s = problem.run({method, advice.law, advice.base_level, "", advice.block},
-                                     {.samples = advice.members / advice.block, .seed = seed, .threads = 1});
+                                     {.samples = advice.members / advice.block,
+                                      .seed = seed,
+                                      .threads = 1,
+                                      .pilot = {advice.pilot_work, advice.pilot_seconds}});
     const double reached = s.total_error() / error;
-    ours += (s.work + advice.pilot_work) * reached * reached;
+    ours += s.work * reached * reached;
   };
   const auto by_multilevel = [&] { theirs += multilevel(problem.levels, error, {.seed = seed, .threads = 1}).work; };
   Ratio r;

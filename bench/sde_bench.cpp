@@ -107,7 +107,7 @@ void to_an_error(benchmark::State& state) {
   const auto ours = [&] {
     const auto result =
         estimate(recipe(milstein(stock, call)), {.seed = ++seed, .threads = 1, .goal = {.error = error}});
-    our_steps += result.work + result.advice.pilot_work;
+    our_steps += result.work;
     our_squares += (result.mean - truth) * (result.mean - truth);
     ++runs;
   };

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
+#include <string>
 
 #include <boost/math/distributions/students_t.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -55,13 +57,7 @@ constexpr const char* beyond_rates =
     "the "
     "levels of a run show";
 
-std::string exponent_text(double x) {
-  if (std::isinf(x)) return "faster than any";
-  std::ostringstream text;
-  text.precision(3);
-  text << x;
-  return text.str();
-}
+std::string exponent_text(double x) { return std::isinf(x) ? "faster than any" : format("%.3g", x); }
 
 std::string with_error_of(const FittedRate& rate) {
   if (std::isinf(rate.value)) return exponent_text(rate.value);
@@ -91,26 +87,26 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
     v.error = measured.variance.error / 2 / (rho - step);
   }
 
-  std::ostringstream text;
-  text.precision(3);
-  text << "variance " << name_of(v.variance) << " (law exponent " << exponent_text(rho) << ", threshold "
-       << with_error_of({measured.variance.value - step, measured.variance.error}) << "), work " << name_of(v.work)
-       << " (threshold " << with_error_of({measured.work.value + step, measured.work.error}) << "), tail index "
-       << with_error_of({v.tail_index, v.error});
+  std::string text = std::string("variance ") + name_of(v.variance) + " (law exponent " + exponent_text(rho) +
+                     ", threshold " + with_error_of({measured.variance.value - step, measured.variance.error}) +
+                     "), work " + name_of(v.work) + " (threshold " +
+                     with_error_of({measured.work.value + step, measured.work.error}) + "), tail index " +
+                     with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
-    text << ": the standard error is too small most of the time; take a law with a smaller exponent";
+    text += ": the standard error is too small most of the time; take a law with a smaller exponent";
   } else if (v.work == Finiteness::infinite) {
-    text << ": no run ends its expected work; take a law with a larger exponent";
+    text += ": no run ends its expected work; take a law with a larger exponent";
   } else if (!decided) {
-    text << ": " << beyond_rates;
+    text += std::string(": ") + beyond_rates;
   } else if (v.variance == Finiteness::undecided || v.work == Finiteness::undecided) {
-    text << ": the rates are not known well enough; survey with more draws or deeper levels, or move the "
-            "exponent away "
-            "from the threshold";
+    text +=
+        ": the rates are not known well enough; survey with more draws or deeper levels, or move the exponent away "
+        "from the threshold";
   } else if (v.fourth_moment != Finiteness::finite) {
-    text << ": the fourth moment is " << name_of(v.fourth_moment) << ", so the standard error converges slowly";
+    text +=
+        std::string(": the fourth moment is ") + name_of(v.fourth_moment) + ", so the standard error converges slowly";
   }
-  v.sentence = text.str();
+  v.sentence = text;
   return v;
 }
 
@@ -125,15 +121,26 @@ void BlockMeans::close() {
   length_ *= 2;
 }
 
+void BlockMeans::scale(int exponent) {
+  for (double& m : means_) m = std::ldexp(m, exponent);
+  sum_ = std::ldexp(sum_, exponent);
+}
+
 BiasedEstimate median_of_means(std::span<const double> values, double delta) {
   if (!(delta > 0 && delta < 1)) {
-    throw std::invalid_argument("median_of_means: delta = " + std::to_string(delta) +
+    throw std::invalid_argument("median_of_means: delta = " + format("%f", delta) +
                                 " (must lie in (0, 1)); 0.05 is usual");
   }
   const auto groups = static_cast<std::size_t>(std::ceil(-8 * std::log(delta)));
   if (values.size() < groups) {
     throw std::invalid_argument("median_of_means: " + std::to_string(values.size()) + " values (must be at least " +
                                 std::to_string(groups) + " for this delta)");
+  }
+  // A median would leave them out without a word.
+  for (const double x : values) {
+    if (!std::isfinite(x)) {
+      return {std::numeric_limits<double>::quiet_NaN(), static_cast<std::int64_t>(groups)};
+    }
   }
   const std::size_t length = values.size() / groups;
   std::vector<double> means;
@@ -144,7 +151,7 @@ BiasedEstimate median_of_means(std::span<const double> values, double delta) {
 
 Interval interval_of(const Moments& moments, double confidence) {
   if (!(confidence > 0 && confidence < 1)) {
-    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
+    throw std::invalid_argument("interval: confidence = " + format("%f", confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   if (moments.count < 2) {
@@ -176,32 +183,31 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
 
   v.decided = std::isfinite(rates.variance) || std::isfinite(rho);
 
-  std::ostringstream text;
-  text.precision(3);
+  std::string text;
   const std::string exponent = exponent_text(rho);
   if (v.decided) {
-    text << (v.finite_variance ? "variance finite" : "variance INFINITE") << " (law exponent " << exponent
-         << (v.finite_variance ? " < " : " >= ") << exponent_text(range.high) << "), ";
+    text += std::string(v.finite_variance ? "variance finite" : "variance INFINITE") + " (law exponent " + exponent +
+            (v.finite_variance ? " < " : " >= ") + exponent_text(range.high) + "), ";
   } else {
-    text << "variance undecided by rates (" << beyond_rates << "), ";
+    text += std::string("variance undecided by rates (") + beyond_rates + "), ";
   }
-  text << (v.finite_work ? "work finite" : "work INFINITE") << " (" << exponent << (v.finite_work ? " > " : " <= ")
-       << range.low << ")";
-  if (v.decided) text << ", tail index " << v.tail_index;
+  text += std::string(v.finite_work ? "work finite" : "work INFINITE") + " (" + exponent +
+          (v.finite_work ? " > " : " <= ") + format("%.3g", range.low) + ")";
+  if (v.decided) text += ", tail index " + format("%.3g", v.tail_index);
   if (!v.finite_variance || !v.finite_work) {
-    text << (v.finite_variance ? ": no run ends its expected work"
-                               : ": the standard error is too small most of the time");
+    text +=
+        v.finite_variance ? ": no run ends its expected work" : ": the standard error is too small most of the time";
     if (std::isinf(range.high)) {
-      text << "; take a law with an exponent above " << range.low;
+      text += "; take a law with an exponent above " + format("%.3g", range.low);
     } else if (range.low < range.high) {
-      text << "; take a law with exponent between " << range.low << " and " << range.high;
+      text += "; take a law with exponent between " + format("%.3g", range.low) + " and " + format("%.3g", range.high);
     } else {
-      text << "; no law has both finite";
+      text += "; no law has both finite";
     }
   } else if (v.tail_index >= 0.25) {
-    text << ": the fourth moment is infinite, so the standard error converges slowly";
+    text += ": the fourth moment is infinite, so the standard error converges slowly";
   }
-  v.sentence = text.str();
+  v.sentence = text;
   return v;
 }
 

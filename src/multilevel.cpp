@@ -1,15 +1,16 @@
 #include <debias/multilevel.hpp>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <ostream>
 #include <stdexcept>
 #include <string>
 
 #include "core/regression.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -78,16 +79,18 @@ class Driver {
 
   MultilevelStatistics run() {
     MultilevelStatistics result;
-    while (std::ssize(pilots_) < std::min(fewest_levels, options_.most_levels)) add_level();
+    while (std::ssize(pilots_) < std::min(fewest_levels, most_levels())) add_level();
     for (;;) {
+      const auto start = std::chrono::steady_clock::now();
       plan_levels();
+      result.pilot_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       draw();
       result.bias = remaining_bias(levels_);
       if (total_error(result.bias) <= error_ && is_known()) {
         result.converged = std::ssize(levels_) >= fewest_levels;
         break;
       }
-      if (std::ssize(pilots_) >= options_.most_levels || !(result.bias > allowed_bias())) break;
+      if (std::ssize(pilots_) >= most_levels() || !(result.bias > allowed_bias())) break;
       add_level();
     }
     finish(result);
@@ -95,6 +98,9 @@ class Driver {
   }
 
  private:
+  [[nodiscard]] std::int64_t most_levels() const {
+    return runs_.deepest_level < options_.most_levels ? runs_.deepest_level + 1 : options_.most_levels;
+  }
   [[nodiscard]] double allowed_bias() const { return std::sqrt(options_.bias_share) * error_; }
 
   void add_level() {
@@ -110,14 +116,24 @@ class Driver {
     part.goal = {};
     part.save = {};
     part.earlier = {};
+    part.pilot = {};
     return runs_.draw(static_cast<std::int64_t>(l), part);
+  }
+
+  void add(Level& level, std::size_t l, const Statistics& s) {
+    level.add(s);
+    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
+    if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
+      throw std::invalid_argument("multilevel: level " + std::to_string(l) +
+                                  " (draws, or their squares, are not finite: no mean and no error)");
+    }
   }
 
   void grow(std::size_t l, double draws) {
     Level& pilot = pilots_[l];
     const auto more = static_cast<std::int64_t>(std::min(draws, most_pilot)) - pilot.draws;
     if (more < 2) return;
-    pilot.add(draws_of(l, pilot_first + pilot.draws, more));
+    add(pilot, l, draws_of(l, pilot_first + pilot.draws, more));
   }
 
   // The draws that each level asks for, from pilots that know its variance, until the bias is small enough.
@@ -143,7 +159,7 @@ class Driver {
         }
       }
       if (grown) continue;
-      if (remaining_bias(pilots_) <= 0.9 * allowed_bias() || std::ssize(pilots_) >= options_.most_levels) return;
+      if (remaining_bias(pilots_) <= 0.9 * allowed_bias() || std::ssize(pilots_) >= most_levels()) return;
       add_level();
     }
   }
@@ -161,8 +177,8 @@ class Driver {
     for (std::size_t l = 0; l < pilots_.size(); ++l) {
       const double n = std::ceil(std::sqrt(variances[l] / pilots_[l].work_per_draw()) * roots / budget);
       if (!(n < 0x1p49)) {
-        throw std::invalid_argument("multilevel: error = " + std::to_string(error_) + " (asks for " +
-                                    std::to_string(n) + " draws of level " + std::to_string(l) + ")");
+        throw std::invalid_argument("multilevel: error = " + format("%g", error_) + " (asks for " + format("%.3g", n) +
+                                    " draws of level " + std::to_string(l) + ")");
       }
       wanted_.push_back(std::max(n, 2.0));
     }
@@ -171,7 +187,7 @@ class Driver {
   void draw() {
     for (std::size_t l = 0; l < pilots_.size(); ++l) {
       const auto wanted = static_cast<std::int64_t>(wanted_[l]);
-      if (wanted > levels_[l].draws) levels_[l].add(draws_of(l, levels_[l].draws, wanted - levels_[l].draws));
+      if (wanted > levels_[l].draws) add(levels_[l], l, draws_of(l, levels_[l].draws, wanted - levels_[l].draws));
     }
   }
 
@@ -229,6 +245,7 @@ class Driver {
     result.goal = error_;
     result.alpha = alpha_of(levels_);
     result.seed = plan_.seed;
+    result.warnings = warnings_;
     result.components.resize(levels_.front().components.size());
     std::vector<double> x;
     std::vector<double> logs;
@@ -240,6 +257,7 @@ class Driver {
         e.mean += m.mean;
         e.standard_error = std::hypot(e.standard_error, m.standard_error());
       }
+      result.pilot_work += pilots_[l].work;
       result.work += level.work + pilots_[l].work;
       result.rows.push_back(
           {static_cast<std::int64_t>(l), level.draws, level.mean(), level.variance(), level.work_per_draw()});
@@ -257,6 +275,7 @@ class Driver {
   std::vector<Level> pilots_;
   std::vector<Level> levels_;
   std::vector<double> wanted_;
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace
@@ -271,16 +290,20 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
                                 const MultilevelOptions& options) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("multilevel: " + what); };
   if (!(error > 0 && std::isfinite(error))) {
-    refuse("error = " + std::to_string(error) + " (must be positive and finite)");
+    refuse("error = " + format("%f", error) + " (must be positive and finite)");
   }
   if (!(options.bias_share > 0 && options.bias_share < 1)) {
-    refuse("bias_share = " + std::to_string(options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
+    refuse("bias_share = " + format("%f", options.bias_share) + " (must lie in (0, 1)); 0.25 is usual");
   }
   if (options.first_draws < 2) {
     refuse("first_draws = " + std::to_string(options.first_draws) + " (a variance needs two); 1000 is usual");
   }
   if (options.most_levels < 3) {
     refuse("most_levels = " + std::to_string(options.most_levels) + " (must be at least 3); 24 is usual");
+  }
+  if (runs.deepest_level < 2) {
+    refuse("the sequence can draw no level beyond " + std::to_string(runs.deepest_level) +
+           " (a bias takes three levels)");
   }
   const auto start = std::chrono::steady_clock::now();
   MultilevelStatistics result = Driver(runs, error, plan, options).run();
@@ -289,26 +312,27 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
 }
 
 std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
-  char line[160];
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     out << (i == 0 ? "mean          " : "              ")
         << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
   }
-  std::snprintf(line, sizeof line, "bias          %.2g left out, if the differences go on falling like 2^(-%.2f l)\n",
-                s.bias, s.alpha);
-  out << line;
-  std::snprintf(line, sizeof line, "goal          root mean square error %g: %s, %.3g\n", s.goal,
-                s.converged ? "met" : "NOT met", s.error());
-  out << line;
-  out << "estimator     multilevel, levels 0 to " << s.rows.back().level << '\n';
-  std::snprintf(line, sizeof line, "work          %.4g\nseconds       %.3g\n", s.work, s.seconds);
-  out << line;
-  std::snprintf(line, sizeof line, "%5s %10s %12s %12s %10s\n", "level", "draws", "E D", "Var D", "work");
-  out << line;
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
+      << format("%.2f", s.alpha) << " l)\n";
+  out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
+      << format("%.3g", s.error()) << '\n';
+  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
+      << " in the pilots, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
+  for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
+  const auto line = [&out](const std::array<std::string, 5>& cells) {
+    constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
+    out << '\n';
+  };
+  const auto number = [](double x) { return std::isfinite(x) ? format("%.4g", x) : std::string("-"); };
+  line({"level", "draws", "E D", "Var D", "work"});
   for (const MultilevelRow& r : s.rows) {
-    std::snprintf(line, sizeof line, "%5lld %10lld %12.4g %12.4g %10.4g\n", static_cast<long long>(r.level),
-                  static_cast<long long>(r.draws), r.difference, r.variance, r.work);
-    out << line;
+    line({std::to_string(r.level), std::to_string(r.draws), number(r.difference), number(r.variance), number(r.work)});
   }
   return out;
 }

@@ -4,13 +4,14 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cstdio>
+#include <functional>
 #include <limits>
 #include <map>
 #include <ostream>
 #include <stdexcept>
 
 #include "core/ranks.hpp"
+#include "core/text.hpp"
 #include "survey/pilot.hpp"
 
 namespace debias {
@@ -35,16 +36,12 @@ constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a law holds
 constexpr double narrow = 0.05;           // of the work's exponent, for the law with finite work where none has both
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
+constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
+constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
 constexpr double negligible = 1e-22;      // of a squared difference beside the squared value: no deeper base
 constexpr double most_cancelled = 0.01;   // that a variance of base and difference is trusted to leave of theirs
 constexpr double enough_draws = 16;       // of a level that was measured, in a run that can pay for them
 constexpr double cheap = 0.002;           // of the work of a run, for those draws
-
-std::string text(const char* pattern, double x) {
-  char out[64];
-  std::snprintf(out, sizeof out, pattern, x);
-  return out;
-}
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
@@ -62,14 +59,20 @@ namespace {
 // Chooses among candidates, from one survey.
 class Choice {
  public:
-  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, Advice& advice)
-      : runs_(runs), plan_(plan), options_(options), advice_(advice), survey_(advice.survey) {
+  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal, Advice& advice)
+      : runs_(runs),
+        plan_(plan),
+        options_(options),
+        advice_(advice),
+        survey_(advice.survey),
+        allowed_beyond_(detail::allowed_beyond(static_cast<double>(advice.members) * (has_goal ? spare_members : 1))) {
     model_ = model_of(survey_);
   }
 
   void choose() {
     double best = infinity;
     bool found = false;
+    bool found_drawable = false;
     const std::int64_t lowest =
         options_.base_level.value_or(std::max(options_.lowest_base, survey_.evidence.lowest_base));
     const std::int64_t highest =
@@ -84,11 +87,16 @@ class Choice {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
         const TermMoments moments = moments_of(setup, shared_share);
-        const double product = price_of(moments, law_of(setup, moments));
+        const AnyPmf law = law_of(setup, moments);
+        const bool is_drawable = drawable(law, setup);
+        if (found_drawable && !is_drawable) continue;
+        found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
+        const double product = price_of(moments, law);
         // A variance that was measured in n draws is not better than another one by its noise.
         const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
         if (found && !(product < (worthwhile - noise) * best)) continue;
         found = true;
+        found_drawable = is_drawable;
         best = product;
         chosen_ = setup;
       }
@@ -97,6 +105,28 @@ class Choice {
   }
 
  private:
+  // The bounds of the exponent of a tail.
+  [[nodiscard]] ExponentRange range() const {
+    const Evidence& e = survey_.evidence;
+    const double work = e.exponential_work != e.polynomial ? e.work.value : 0;
+    const double beta = e.courses.empty() ? infinity : e.decay.value;
+    return finite_exponents({beta, work, e.polynomial ? Decay::polynomial : Decay::geometric});
+  }
+
+  // Variance x work over all levels: behind those of the model, powers of the level go on for long.
+  [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& law) const {
+    VarianceAndWork sums = predict(moments, law);
+    if (survey_.evidence.polynomial) {
+      const std::size_t last = moments.work.size() - 1;
+      const double p = law.mass(static_cast<std::int64_t>(last));
+      const double s = law.tail_exponent().exponent;
+      const double levels = static_cast<double>(last) + 1;
+      sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range().high - s);
+      sums.work += moments.work[last] * p * levels / (s - range().low);
+    }
+    return sums.product();
+  }
+
   [[nodiscard]] const SurveyRow& row(std::int64_t level) const {
     const SurveyRow* found = survey_.row_at(level);
     if (found == nullptr) throw std::out_of_range("recipe: level " + std::to_string(level) + " was not drawn");
@@ -129,11 +159,42 @@ class Choice {
     return term_moments(runs_, survey_, model_, setup, plan_, share);
   }
 
-  AnyPmf law_of(const Setup& setup, const TermMoments& all) const {
+  // A run of that many members is allowed to take the law, see core/reach.hpp.
+  [[nodiscard]] bool drawable(const AnyPmf& law, const Setup& setup) const {
+    struct Levels {
+      std::int64_t deepest;
+      [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
+    };
+    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, law, setup.base_level, setup.first_level());
+    return reach.beyond <= allowed_beyond_;
+  }
+
+  // The best law, or the one next to it that can be drawn, if one of finite variance can.
+  AnyPmf law_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
     const double exponent = tail_exponent_for(survey_);
-    if (survey_.evidence.polynomial) return AnyPmf(Zeta(exponent));
+    const auto with = laws_of(setup, all);
+    const AnyPmf best = with(exponent);
+    if (drawable(best, setup)) return best;
+    const double bound = range().high;
+    double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
+    if (!(high > exponent) || !drawable(with(high), setup)) return best;  // the run will be refused
+    for (double low = exponent; high - low > 1e-3;) {
+      const double middle = (low + high) / 2;
+      (drawable(with(middle), setup) ? high : low) = middle;
+    }
+    const AnyPmf law = with(high);
+    if (price != nullptr) *price = with_rest(all, law) / with_rest(all, best);
+    return law;
+  }
+
+  // The law for an exponent of its tail.
+  [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
+    if (survey_.evidence.polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
     TermMoments t = all;
-    const auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - setup.first_level()) + levels_beyond;
+    auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - setup.first_level()) + levels_beyond;
+    // The table ends at the deepest level: what lies beyond is the tail's.
+    const std::int64_t drawn = runs_.deepest_level - setup.first_level() + 1;
+    if (drawn > 0) outcomes = std::min(outcomes, static_cast<std::size_t>(drawn));
     for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
     }
@@ -143,13 +204,18 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    std::vector<double> best = best_masses(t);
+    return [this, &all, setup, best = best_masses(t)](double exponent) {
+      return fair_or_fastest(all, best, exponent, setup);
+    };
+  }
+
+  AnyPmf fair_or_fastest(const TermMoments& all, std::vector<double> best, double exponent, const Setup& setup) const {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
     const std::size_t free = setup.base == Base::drawn ? 2 : 1;
     for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
-    give_draws(t.work, free, setup, best);
-    give_draws(t.work, free, setup, even);
+    give_draws(all.work, free, setup, best);
+    give_draws(all.work, free, setup, even);
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
     return predict(all, fair).product() <= price_of_fourth * predict(all, fastest).product() ? fair : fastest;
@@ -186,9 +252,11 @@ class Choice {
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::always && runs_.shared;
-    advice_.law = law_of(chosen_, moments);
+    advice_.price = 1;
+    advice_.law = law_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.law.tail_exponent();
     advice_.predicted = predict(moments, advice_.law);
+    advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     const double rho = advice_.exponent.exponent;
     const bool polynomial = survey_.evidence.polynomial;
@@ -203,6 +271,7 @@ class Choice {
   Advice& advice_;
   const Survey& survey_;
   LevelModel model_;
+  double allowed_beyond_;
   Setup chosen_;
 };
 
@@ -217,7 +286,8 @@ void set_members(Advice& advice, double members) {
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
   if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + text("%.3g", members) + " members (does not fit 64 bits)");
+    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", members) +
+                                " members (does not fit 64 bits)");
   }
   advice.members = static_cast<std::int64_t>(blocks) * advice.block;
 }
@@ -255,9 +325,9 @@ std::string rate_text(const Survey& s) {
   const char* unit = e.polynomial ? "k^" : "2^(k x ";
   const char* end = e.polynomial ? "" : ")";
   const bool grows = e.exponential_work != e.polynomial;
-  return "E D_k^2 falls like " + std::string(unit) + text("%.2f", -e.decay.value) + end + " (+- " +
-         text("%.2f", e.decay.error) + ", " + levels_text(e) + "), work grows like " + unit +
-         text("%.2f", grows ? e.work.value : 0) + end;
+  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -e.decay.value) + end + " (+- " +
+         format("%.2f", e.decay.error) + ", " + levels_text(e) + "), work grows like " + unit +
+         format("%.2f", grows ? e.work.value : 0) + end;
 }
 
 void describe_none(Advice& a) {
@@ -273,10 +343,10 @@ void describe_none(Advice& a) {
   a.sentences.push_back("no law has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
                         "): " + rate_text(a.survey));
   std::string best = "the best with finite work is " + a.law.spec();
-  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + text("%.3g", a.highest_moment);
+  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
   if (!polynomial && beta > 0 && work > 0) {
-    best += " (stable index " + text("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
-            " in the limit), the error falls like work^-" + text("%.2g", std::min(0.5, beta / (2 * work)));
+    best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
+            " in the limit), the error falls like work^-" + format("%.2g", std::min(0.5, beta / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -302,12 +372,12 @@ void describe(Advice& a) {
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
   const bool together = a.runs_together && a.block > 1;
-  std::string efficiency = "variance " + text("%.3g", a.predicted.variance) + " x work " +
-                           text("%.4g", a.predicted.work) +
-                           " predicted for a member: " + text("%.3g", a.predicted.product());
+  std::string efficiency = "variance " + format("%.3g", a.predicted.variance) + " x work " +
+                           format("%.4g", a.predicted.work) +
+                           " predicted for a member: " + format("%.3g", a.predicted.product());
   if (a.bound > 0) {
-    efficiency += ", " + text("%.3g", a.predicted.product() / a.bound) +
-                  " times the bound (sum of sqrt(Var D work))^2 = " + text("%.3g", a.bound) +
+    efficiency += ", " + format("%.3g", a.predicted.product() / a.bound) +
+                  " times the bound (sum of sqrt(Var D work))^2 = " + format("%.3g", a.bound) +
                   (a.shares_base || together ? " of draws that share nothing" : "");
   }
   if (together) efficiency += " and are not stratified by their first number";
@@ -315,8 +385,15 @@ void describe(Advice& a) {
   const double rho = a.exponent.exponent;
   std::string moments =
       "the tail of the law falls like " +
-      (a.exponent.decay == Decay::polynomial ? "k^" + text("%.2f", -rho) : "2^(k x " + text("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment)) moments += ": moments below " + text("%.3g", a.highest_moment) + " are finite";
+      (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
+  if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
+  if (a.price != 1) {
+    a.sentences.push_back((a.deepest_level == deepest_of_all
+                               ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
+                               : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
+                          std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
+                          format("%.3g", a.price) + " times its variance x work");
+  }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");
   }
@@ -327,6 +404,15 @@ void describe(Advice& a) {
 LevelRuns remembering(const LevelRuns& runs, double& work) {
   using Key = std::array<std::int64_t, 4>;
   LevelRuns once = runs;
+  once.work = [&, known = std::map<std::int64_t, std::pair<double, double>>()](std::int64_t level,
+                                                                               const Plan& plan) mutable {
+    const auto at = known.find(level);
+    if (at != known.end()) return at->second;
+    const std::pair<double, double> each = runs.work(level, plan);
+    known.emplace(level, each);
+    work += (each.first + each.second) * static_cast<double>(detail::draws_for_work);
+    return each;
+  };
   if (runs.shared) {
     once.shared = [&, known = std::map<Key, SharedMoments>()](std::int64_t level, std::int64_t base_level,
                                                               const Plan& plan) mutable {
@@ -359,7 +445,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   const std::int64_t lowest = options.base_level.value_or(options.lowest_base);
   detail::check_base_level("recipe", lowest);
   if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {
-    throw std::invalid_argument("recipe: budget = " + text("%g", *options.budget) +
+    throw std::invalid_argument("recipe: budget = " + format("%g", *options.budget) +
                                 " (the work of the pilot must be positive and finite)");
   }
   Plan pilot_plan = plan;
@@ -367,6 +453,14 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   pilot_plan.goal = {};
   pilot_plan.save = {};
   pilot_plan.earlier = {};
+  pilot_plan.pilot = {};
+  pilot_plan.whole = 0;
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds_so_far = [&] {
+    return detail::share<double>(pilot_plan.ranks, [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    });
+  };
   double extra = 0;  // work of what a choice draws for itself
   LevelRuns runs = remembering(levels, extra);
   if (options.rates) runs.facts.declared = options.rates;
@@ -374,7 +468,6 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   const double samples = plan.goal.asked() ? infinity : static_cast<double>(plan.samples);
   double budget = unit * std::clamp(samples / 2, fewest_pilot_draws, first_pilot_draws);
   if (options.budget) budget = std::min(budget, *options.budget);
-  const auto start = std::chrono::steady_clock::now();
   Pilot pilot(runs, pilot_plan);
   Advice advice;
   std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
@@ -394,17 +487,15 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         next.block = std::max<std::int64_t>(advice.block, 64);
         set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                             : static_cast<double>(plan.samples));
-        Choice(runs, pilot_plan, options, next).choose();
+        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
         if (plan.goal.asked()) {
           set_members(next, wanted_members(next, plan));
-          Choice(runs, pilot_plan, options, next).choose();  // with the block of that many members
+          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();  // with the block of that many members
           set_members(next, wanted_members(next, plan));
         }
       }
       next.pilot_work = pilot.work() + extra;
-      next.pilot_seconds = detail::share<double>(pilot_plan.ranks, [&] {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      });
+      next.pilot_seconds = seconds_so_far();
       return next;
     };
     advice = choose(false);
@@ -430,6 +521,8 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     if (advice.survey.law_exists != Answer::yes) deepest *= 4;
     budget = wanted;
   }
+  advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too
+  advice.pilot_seconds = seconds_so_far();
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
@@ -440,7 +533,8 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
     out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
     name = "";
   }
-  out << "pilot         work " << text("%.4g", advice.pilot_work) << ", " << advice.survey.rows.size() << " levels";
+  out << "pilot         work " << format("%.4g", advice.pilot_work) << ", " << std::to_string(advice.survey.rows.size())
+      << " levels";
   for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
   return out << '\n';
 }
@@ -454,6 +548,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   }
   Plan run = plan;
   run.samples = advice.members / advice.block;
+  run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.
   if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
@@ -462,7 +557,6 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  statistics.pilot_seconds += advice.pilot_seconds;
   statistics.pilot_levels = advice.survey.evidence.facts;
   statistics.sequence = advice.facts;
   for (const std::string& remark : advice.survey.remarks) {

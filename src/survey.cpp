@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <functional>
 #include <ostream>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <tuple>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -39,6 +42,7 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   Plan draws = plan;  // no part of what a plan keeps
   draws.save = {};
   draws.earlier = {};
+  draws.pilot = {};
   const Statistics s = runs.draw(level, draws);
   return row_of(s, level, runs.work(level, plan));
 }
@@ -96,6 +100,7 @@ SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double
   }
   row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
+  row.fewer_threads = s.fewer_threads;
   std::tie(row.value_work, row.difference_work) = work;
   const auto each = static_cast<std::ptrdiff_t>(value.means.size());
   row.values.assign(s.components.begin(), s.components.begin() + each);
@@ -115,6 +120,11 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
     throw std::invalid_argument("survey: samples = " + std::to_string(plan.samples) +
                                 " (a variance needs two draws of each level); 4096 is a good start");
   }
+  if (levels - 1 > runs.deepest_level) {
+    throw std::invalid_argument("survey: levels = " + std::to_string(levels) +
+                                " (the deepest that can be drawn is level " + std::to_string(runs.deepest_level) +
+                                "); ask for at most " + std::to_string(runs.deepest_level + 1));
+  }
   std::vector<SurveyRow> rows;
   bool interrupted = false;
   try {
@@ -130,7 +140,9 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
     interrupted = true;
   }
   const std::size_t complete = rows.size();
+  const int fewer_threads = rows.front().fewer_threads;
   Survey result = conclude(std::move(rows), plan.seed, runs.facts);
+  if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_text(fewer_threads));
   if (interrupted) {
     result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
   }
@@ -156,7 +168,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
   // How deep: while the levels so far leave the next one its fewest draws.
   std::vector<double> each;
   try {
-    for (std::int64_t k = 0; k < most_levels; ++k) {
+    for (std::int64_t k = 0; k < std::min(most_levels, runs.deepest_level + 1); ++k) {
       const auto [value, difference] = runs.work(k, plan);
       const double both = std::max(value, difference);
       if (k > 2 && fewest_draws * both > work / static_cast<double>(k + 1)) break;
@@ -190,31 +202,30 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string number(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
-}
-
 std::string rate_text(const FittedRate& r) {
   if (std::isinf(r.value)) return "faster than any";
   if (std::isnan(r.value)) return "unknown";
-  return number("%.2f", r.value) + " +- " + number("%.2f", r.error);
+  return format("%.2f", r.value) + " +- " + format("%.2f", r.error);
 }
 
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  char line[256];
-  std::snprintf(line, sizeof line, "%5s %9s %11s %9s %11s %9s %9s %8s %6s %9s %9s  %s\n", "level", "draws", "E I",
-                "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", "");
-  out << line;
+  const auto line = [&out](const std::array<std::string, 12>& cells) {
+    constexpr std::array<std::size_t, 11> widths = {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9};
+    for (std::size_t i = 0; i < widths.size(); ++i) out << right(cells[i], widths[i]) << (i < 10 ? " " : "  ");
+    out << cells.back() << '\n';
+  };
+  const auto number = [](detail::NumberPattern pattern, double x) {
+    return std::isfinite(x) ? format(pattern, x) : std::string("-");
+  };
+  line({"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""});
   for (const SurveyRow& r : survey.rows) {
-    std::snprintf(line, sizeof line, "%5lld %9lld %11.5g %9.3g %11.4g %9.2g %9.3g %8.3g %6.2f %9.4g %9.3g  %s\n",
-                  static_cast<long long>(r.level), static_cast<long long>(r.draws), r.mean, r.variance, r.difference,
-                  r.difference_error, r.second_moment, r.kurtosis, r.consistency, r.difference_work, 1e6 * r.seconds,
-                  r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws")));
-    out << line;
+    line({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean), number("%.3g", r.variance),
+          number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
+          number("%.3g", r.kurtosis), number("%.2f", r.consistency), number("%.4g", r.difference_work),
+          number("%.3g", 1e6 * r.seconds),
+          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))});
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";

@@ -156,7 +156,7 @@ struct OneResidue {
 
   Draw<double> operator()(std::int64_t level, Stream& rng) const { return right()(level, rng); }
   SharedDraw<double> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
-    Stream replay = rng;
+    Stream replay(rng);
     SharedDraw<double> draw = right().shared(level, base_level, rng);
     const double offset = replay.uniform();
     const std::int64_t count = doubled_draws(level);
@@ -249,8 +249,8 @@ TEST_CASE("the shared base is the average of g over the groups of a comb, both h
   for (std::int64_t level = 1; level <= 5; ++level) {
     for (std::int64_t m = 0; m < level; ++m) {
       Stream rng(83, 5);
-      Stream replay = rng;
-      Stream again = rng;
+      Stream replay(rng);
+      Stream again(rng);
       const double offset = replay.uniform();
       const std::int64_t groups = std::int64_t{1} << (level - m);
       const std::int64_t size = std::int64_t{1} << m;
@@ -274,7 +274,7 @@ TEST_CASE("the shared base is the average of g over the groups of a comb, both h
 TEST_CASE("halves are the even and the odd draws of the stream", "[function_of_mean][exact]") {
   const auto s = function_of_mean(uniform, plain(functions::Square{}));
   Stream rng(84, 0);
-  Stream replay = rng;
+  Stream replay(rng);
   std::array<double, 8> u{};
   replay.fill(u);
   const double even = (u[0] + u[2] + u[4] + u[6]) / 4;
@@ -380,7 +380,7 @@ TEST_CASE("the gap and the subtraction are the same difference", "[function_of_m
     const auto without = function_of_mean(exponential, plain(g));
     for (std::int64_t k = 1; k <= 8; ++k) {
       Stream one(87, static_cast<std::uint64_t>(k));
-      Stream two = one;
+      Stream two(one);
       const auto a = with_gap(k, one);
       const auto b = without(k, two);
       CHECK(a.value == b.value);
@@ -586,7 +586,7 @@ template <class Batched, class Scalar>
 void check_batches(const Batched& batched, const Scalar& scalar) {
   for (const std::int64_t level : {0, 1, 2, 5, 8, 9, 11}) {
     Stream one(91, static_cast<std::uint64_t>(level));
-    Stream two = one;
+    Stream two(one);
     const auto a = batched(level, one);
     const auto b = scalar(level, two);
     CHECK(a.value == Approx(b.value).epsilon(1e-14));
@@ -622,7 +622,7 @@ TEST_CASE("a comb is a random variable whose draws are those of a level", "[func
   CHECK(eight.work == 8);
   for (std::uint64_t i = 0; i < 10; ++i) {
     Stream one(92, i);
-    Stream two = one;
+    Stream two(one);
     CHECK(eight(one) == Approx(level_three.value_at(3, two).value).epsilon(1e-14));
     CHECK(one.bits() == two.bits());
   }

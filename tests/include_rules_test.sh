@@ -1,12 +1,13 @@
 #!/bin/sh
-# Includes point downward only: program -> catalogue -> recipe -> modules -> core. Names each one that does not, and calls
-# that are not for threads.
+# Includes point downward only: program -> catalogue -> recipe -> modules -> core. Names each one that does not, calls
+# that are not for threads, and texts of numbers that ask the locale.
+#   sh tests/include_rules_test.sh [PROGRAM]
 set -eu
 here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 
 # What a file may include: one extended regular expression for each file, by its path without include/debias/
 # or src/ and without its suffix. A new module falls under the last line.
-no_runner='core/(stream|stream_batch|vector_math|value|rates|sequence|pmf|estimator|accumulator|bias)'
+no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
     core/*) echo 'core/.*' ;;
@@ -22,12 +23,13 @@ may_include() {
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     # the laws of published schedules
-    transmittance) echo "$no_runner|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
+    transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
     survey | survey/*) echo 'core/.*|survey|survey/levels' ;;
     diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
+    numbers/*) echo 'numbers/.*' ;;
     recipe | recipe/*) echo 'recipe/.*|core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
@@ -36,10 +38,18 @@ may_include() {
   esac
 }
 
-# check ROOT: prints what is not allowed in a tree: includes, and calls that write what other threads read.
+# What writes or reads numbers as the locale of the process likes. The house has detail::format, to_text, parse_double
+# and parse_count; a string stream that only texts go into says so.
+asks_locale='\b(v?(f|s|sn|as|d)?w?printf|v?(f|s)?scanf|strto(d|f|ld)|atof|sto(d|f|ld)|setprecision|put_money)\('
+asks_locale="$asks_locale"'|\b(is|to)(lower|upper|digit|alpha|alnum|space|print|punct)\(|\b(o|i)?stringstream\b'
+asks_locale="$asks_locale"'|[.](precision|imbue)\(|\bstd::(fixed|scientific|locale)\b|#include <(locale|iomanip)>'
+
+# check ROOT: prints what is not allowed in a tree: includes, calls that write what other threads read, and numbers in
+# the hands of the locale.
 check() {
   cd "$1"
   grep -rnE '^[^/]*\bstd::(lgamma|rand|strtok|setlocale)\(' include src || true
+  grep -rnE "^([^/]|/[^/])*($asks_locale)" include src | grep -v '// only texts$' || true
   find include src -name '*.hpp' -o -name '*.cpp' | sort | while read -r file; do
     name=${file#include/debias/}
     name=${name#src/}
@@ -59,6 +69,15 @@ check() {
   done
 }
 
+# check_objects LIBRARY...: std::to_string of a double is vsnprintf, which only the object files can tell from that of a
+# whole number; numbers in a stream are members of std::ostream. (Boost.Math and nlohmann_json bring their own: of those
+# only what they do not use is asked for.)
+into_a_stream='.*_M_insert<(unsigned )?long>'
+check_objects() {
+  nm -AC --undefined-only "$@" 2> /dev/null |
+    grep -E " U (vsnprintf|std::ostream::operator<<\((int|double|float|bool|short|unsigned|long)|$into_a_stream)" || true
+}
+
 # The check itself can fail: every arrow of this tree points upward.
 wrong=$(mktemp -d)
 trap 'rm -rf "$wrong"' EXIT
@@ -72,8 +91,42 @@ arrow include/debias/new_module.hpp '<debias/estimators/single_term.hpp>'
 arrow src/series.cpp '"catalog.hpp"'
 arrow src/catalog/integrals.cpp '"cli/parse.hpp"'
 echo 'double x = std::lgamma(3);' > "$wrong/src/catalog/sums.cpp"
+cat > "$wrong/src/locale.cpp" << 'EOF'
+std::snprintf(text, sizeof text, "%.3g", x);
+double x = std::stod(text);  // 0.5
+std::ostringstream text;
+out << std::setprecision(3) << x;
+text.precision(3);
+// printf(x) in a comment is allowed, as are std::to_string(3) and
+std::ostringstream names;  // only texts
+EOF
 found=$(check "$wrong" | wc -l)
-[ "$found" -eq 9 ] || { echo "the check found $found of 8 upward includes and a shared state"; check "$wrong"; exit 1; }
+[ "$found" -eq 14 ] ||
+  { echo "the check found $found of 8 upward includes, a shared state, 5 locales"; check "$wrong"; exit 1; }
 
 bad=$(check "$here")
+[ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }
+
+# Of the objects, where they and the tools are.
+[ $# -eq 1 ] && command -v nm > /dev/null || exit 0
+compiler=$(command -v "${CXX:-g++}" || command -v clang++) || exit 0
+cat > "$wrong/numbers.cpp" << 'EOF'
+#include <ostream>
+#include <string>
+std::string whole(long x) { return std::to_string(x); }
+void text(std::ostream& out, const std::string& x) { out << x << '\n'; }
+#ifdef WRONG
+std::string fraction(double x) { return std::to_string(x); }
+void number(std::ostream& out, int x, long y) { out << x << y; }
+#endif
+EOF
+"$compiler" -std=c++20 -O1 -c "$wrong/numbers.cpp" -o "$wrong/right.o"
+"$compiler" -std=c++20 -O1 -DWRONG -c "$wrong/numbers.cpp" -o "$wrong/wrong.o"
+if [ -n "$(check_objects "$wrong/right.o")" ] || [ "$(check_objects "$wrong/wrong.o" | wc -l)" -lt 2 ]; then
+  echo "the check does not tell numbers that ask the locale from those that do not"
+  check_objects "$wrong/right.o" "$wrong/wrong.o"
+  exit 1
+fi
+built=$(dirname "$(dirname "$1")")
+bad=$(check_objects "$built"/libdebias.a "$built"/libdebias_catalog.a "$built"/libdebias_commands.a)
 [ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }

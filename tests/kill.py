@@ -77,9 +77,9 @@ def answer(process, out):
     return code, re.sub(differing, "", out.read().decode())
 
 def samples_of(record):
-    name = 8 + struct.unpack_from("<Q", record)[0]  # of the part; then chunk, seconds, number of nodes
-    at, total = name + 24, 0
-    for _ in range(struct.unpack_from("<Q", record, name + 16)[0]):
+    name = 8 + struct.unpack_from("<Q", record)[0]  # of the part; then chunk, seconds, work and seconds of the pilot, number of nodes
+    at, total = name + 40, 0
+    for _ in range(struct.unpack_from("<Q", record, name + 32)[0]):
         first, last = struct.unpack_from("<2q", record, at)
         total, at = total + last - first, at + 80  # the length of the list of components
         at += 56 + 16 * struct.unpack_from("<Q", record, at)[0]  # that of the list of levels

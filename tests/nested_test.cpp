@@ -108,7 +108,7 @@ TEST_CASE("one outer draw serves all inner draws of a level, and the work counts
   const auto s = nested(outer, inner, functions::Log{});
   for (std::int64_t k = 0; k <= 4; ++k) {
     Stream rng(63, 0);
-    Stream replay = rng;
+    Stream replay(rng);
     const auto draw = s(k, rng);
     CHECK(draw.value == Approx(std::log(replay.uniform())).epsilon(1e-15));
     CHECK(draw.work == std::ldexp(1.0, static_cast<int>(k)) + 1);

@@ -296,3 +296,45 @@ TEST_CASE("what would never end is given up aloud after 10^9 trials or terms", "
   const auto at_the_edge = [](Stream&) { return 0.0; };  // |1 - X / a| = 1: the terms do not fall
   CHECK_THROWS_AS(roulette(reciprocal_series(at_the_edge, 1.0), RunningWeight(1))(rng, none), std::length_error);
 }
+
+// ---- draws outside what a method assumes
+
+namespace {
+
+template <class E>
+bool refuses_a_draw(const E& e) {
+  NullRecord record;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    Stream rng(1, i);
+    try {
+      (void)draw_sample(e, rng, record);
+    } catch (const std::domain_error&) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+TEST_CASE("draws outside the bounds of trials, residual and clamp are refused, with the value", "[reciprocal][exact]") {
+  const auto mostly_one = [](double other) {
+    return [other](Stream& rng) { return rng.uniform() < 0.1 ? other : 1.0; };
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double wrong : {-0.5, 2.5, nan, std::numeric_limits<double>::infinity()}) {
+    INFO(wrong);
+    CHECK(refuses_a_draw(reciprocal_trials(mostly_one(wrong), 2)));
+    CHECK(refuses_a_draw(reciprocal_residual(mostly_one(wrong), 0.5, 2)));
+  }
+  CHECK_FALSE(refuses_a_draw(reciprocal_residual(mostly_one(0.0), 0.5, 2)));  // below m, above 0: unbiased all the same
+  CHECK_FALSE(refuses_a_draw(reciprocal_residual(mostly_one(2.0), 0.5, 2)));
+  CHECK_FALSE(refuses_a_draw(ReciprocalProduct(mostly_one(-0.5), 0.5, 0.6)));  // converges: E (1 - X / 2)^2 < 0.6
+  CHECK(refuses_a_draw(ReciprocalProduct(mostly_one(nan), 0.5, 0.6)));
+  for (const double negative : {-1e-9, -3.0}) {
+    CHECK(refuses_a_draw(single_term(clamped_reciprocal(mostly_one(negative)))));
+    CHECK(refuses_a_draw(single_term(clamped_reciprocal([negative](Stream&) { return negative; }), {.base_level = 3})));
+    CHECK(refuses_a_draw(single_term(clamped_reciprocal_of_integral([negative](double) { return negative; }))));
+  }
+  CHECK_FALSE(refuses_a_draw(single_term(clamped_reciprocal(mostly_one(0.0)))));
+}

@@ -13,7 +13,7 @@ case $#:${1-} in
   *) echo "usage: sh tests/run.sh [--long]" >&2; exit 2 ;;
 esac
 
-packages="$packages libopenmpi-dev openmpi-bin"
+packages="$packages libopenmpi-dev openmpi-bin locales"
 install_packages
 build all
 set -f  # the selection is split into words, and is no file name pattern

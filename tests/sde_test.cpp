@@ -149,7 +149,7 @@ TEST_CASE("E06: a path is the product of its Euler factors, both on the same inc
   const auto s = euler(stock, terminal);
   for (std::int64_t k = 0; k <= 6; ++k) {
     Stream rng(1, 2);
-    Stream same = rng;
+    Stream same(rng);
     const Draw<double> draw = s(k, rng);
     const std::int64_t steps = std::int64_t{1} << k;
     const double h = 1 / static_cast<double>(steps);
@@ -289,7 +289,7 @@ TEST_CASE("value_at is the fine path of a draw, bit for bit, without the work of
   const auto path = euler(odd, terminal);
   for (std::int64_t k = 0; k <= 8; ++k) {
     Stream one(4, 4);
-    Stream two = one;
+    Stream two(one);
     CHECK(path(k, one).value == path.value_at(k, two).value);
     CHECK(one.bits() == two.bits());
     const double steps = std::ldexp(1.0, static_cast<int>(k));
@@ -327,8 +327,8 @@ TEST_CASE("a payoff may be a vector", "[sde][exact]") {
   const auto calls = milstein(stock, call);
   for (std::int64_t k = 0; k <= 4; ++k) {
     Stream one(3, 1);
-    Stream two = one;
-    Stream three = one;
+    Stream two(one);
+    Stream three(one);
     const auto draw = s(k, one);
     CHECK(draw.difference.x() == prices(k, two).difference);
     CHECK(draw.difference.y() == calls(k, three).difference);

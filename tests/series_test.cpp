@@ -148,8 +148,8 @@ TEST_CASE("random terms have the means of the series, and are independent of eac
         }) < 4.5);
   // terms that draw from copies of one stream are not
   CHECK(covariance_z([](const Stream& rng) {
-          Stream one = rng;
-          Stream two = rng;
+          Stream one(rng);
+          Stream two(rng);
           return (noisy_halves(0, one) - 1) * (noisy_halves(1, two) - 0.5);
         }) > 4.5);
 }
@@ -336,7 +336,7 @@ TEST_CASE("D14: truncation of the path depth, debiased by roulette, is classical
 
   for (std::uint64_t i = 0; i < 1000; ++i) {
     const Stream sample(6, i);
-    Stream one = sample;
+    Stream one(sample);
     NullRecord unused_record;
     const double value = debiased(one, unused_record).value;
     // the loop of a path tracer: go on with probability albedo, by which the throughput is divided

@@ -220,7 +220,7 @@ TEST_CASE("a step may use more random numbers on one path than on the other", "[
     double fine = thirsty(0.0, rng);
     double coarse = 0.0;
     for (std::int64_t i = 1; i < level; ++i) {
-      Stream same = rng;
+      Stream same(rng);
       coarse = thirsty(coarse, same);
       fine = thirsty(fine, rng);
     }

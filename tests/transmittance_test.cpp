@@ -1,6 +1,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <stdexcept>
 #include <string>
 
 #include <boost/math/quadrature/gauss_kronrod.hpp>
@@ -210,6 +211,7 @@ TEST_CASE("orders and combs of the published estimators", "[transmittance][exact
 
 TEST_CASE("impossible rays are refused, in words", "[transmittance][exact]") {
   const auto one = [](double /*t*/) { return 1.0; };
+  const auto one_flight = [](Stream& rng) { return rng.uniform(); };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK_THROWS_WITH(Ray(one, RayBounds{0, 1, 0}), Catch::Contains("length = 0"));
   CHECK_THROWS_WITH(Ray(one, RayBounds{1, 1, 2}), Catch::Contains("minorant = 2"));
@@ -221,8 +223,92 @@ TEST_CASE("impossible rays are refused, in words", "[transmittance][exact]") {
   CHECK_THROWS_WITH(u_statistics(open), Catch::Contains("majorant"));
   CHECK_THROWS_WITH(delta_tracking(open), Catch::Contains("majorant"));
   CHECK_THROWS_WITH(residual_ratio_tracking(Ray(one, {1, 2, 0}), nan), Catch::Contains("control"));
-  CHECK_THROWS_WITH(davis_mixture(0, one), Catch::Contains("c = 0"));
+  CHECK_THROWS_WITH(davis_mixture(0, [&](double /*m*/) { return one_flight; }), Catch::Contains("c = 0"));
   const auto low = delta_tracking(Ray(one, {100, 0.5, 0}));
   Stream rng(1, 1);
   CHECK_THROWS_AS(low(rng), std::domain_error);
+}
+
+// ---- extinctions outside what an estimator assumes
+
+namespace {
+
+/// Vacuum and worse: the optical depth of [0, 1] is 1 - 1/2.
+constexpr auto negative_behind = [](double s) { return s < 0.5 ? 2.0 : -1.0; };
+
+template <class E>
+std::string refusal_of(const E& e) {
+  NullRecord record;
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    Stream rng(1, i);
+    try {
+      (void)draw_sample(e, rng, record);
+    } catch (const std::domain_error& error) {
+      return error.what();
+    }
+  }
+  return "none";
+}
+
+}  // namespace
+
+TEST_CASE("delta tracking refuses an extinction that is no probability, with place and value",
+          "[transmittance][exact]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  const std::string negative = refusal_of(delta_tracking(Ray(negative_behind, {1, 2, 0})));
+  CHECK_THAT(negative, Catch::Contains("extinction = -1 at 0.") && Catch::Contains("[0, majorant = 2]"));
+  for (const double wrong : {-1e-300, nan, infinity, -infinity, 2.0000001}) {
+    INFO(wrong);
+    const auto mu = [wrong](double t) { return t < 0.5 ? 1.0 : wrong; };
+    CHECK_THAT(refusal_of(delta_tracking(Ray(mu, {1, 2, 0}))), Catch::Contains("extinction = "));
+  }
+  CHECK(refusal_of(delta_tracking(Ray([](double) { return 2.0; }, {1, 2, 0}))) == "none");  // the majorant itself
+  CHECK(refusal_of(delta_tracking(Ray([](double) { return 0.0; }, {1, 2, 0}))) == "none");
+}
+
+TEST_CASE("estimators without probabilities take negative extinctions and are right", "[transmittance][stat]") {
+  const double truth = std::exp(-0.5);
+  const Ray ray(negative_behind, RayBounds{1, 2, 0});
+  const Plan plan{.samples = 1 << 15, .seed = 18};
+  const auto right = [&](const auto& estimator) {
+    const auto r = estimate(estimator, plan);
+    INFO(r.estimator << ": " << r.mean << " +- " << r.standard_error << " for " << truth);
+    CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+    CHECK(r.standard_error < 0.02);
+    CHECK(std::abs(r.mean - std::exp(-1.0)) >
+          4.5 * r.standard_error);  // power: vacuum in the place of what is negative
+  };
+  right(ratio_tracking(ray));
+  right(residual_ratio_tracking(ray, 0.5));
+  right(next_flight(ray));
+  right(p_series_cumulative(ray));
+  right(single_term(telescoping(ray)));
+}
+
+TEST_CASE("equal bounds of a medium that is not constant are refused, not believed", "[transmittance][exact]") {
+  const auto bent = [](double t) { return 1 + t; };
+  CHECK_THAT(refusal_of(residual_ratio_tracking(Ray(bent, {1, 1, 1}))), Catch::Contains("minorant = majorant = 1"));
+  CHECK_THAT(refusal_of(residual_ratio_tracking(Ray([](double) { return std::nan(""); }, {1, 1, 1}))),
+             Catch::Contains("extinction = "));
+  CHECK(refusal_of(residual_ratio_tracking(Ray([](double) { return 1 + 1e-14; }, {1, 1, 1}))) == "none");
+}
+
+TEST_CASE("impossible numbers of schedules are refused, and large means have their quantile",
+          "[transmittance][exact]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const double wrong : {nan, infinity, -1.0, 1e12}) {
+    CHECK_THROWS_AS(poisson_quantile(wrong, 0.99), std::invalid_argument);
+    CHECK_THROWS_AS(comb_of_u_statistics(wrong, 1), std::invalid_argument);
+    CHECK_THROWS_AS(comb_of_u_statistics(1, wrong), std::invalid_argument);
+  }
+  for (const double wrong : {nan, -0.1, 1.1}) CHECK_THROWS_AS(poisson_quantile(3, wrong), std::invalid_argument);
+  // e^-800 underflows: the quantile was 0. By the normal law with its correction 800 + 2.326 sqrt(800) + (2.326^2 - 1) / 6.
+  CHECK(poisson_quantile(800, 0.99) == Approx(866.5).margin(1.5));
+  CHECK(poisson_quantile(700, 0.99) <= poisson_quantile(700.0001, 0.99));
+  const auto one = [](double m) { return delta_tracking(Ray([](double) { return 1.0; }, RayBounds{1, 1 + 0 * m, 0})); };
+  for (const double wrong : {nan, infinity, 0.0, -1.0, 1e-200, 1e200}) {
+    CHECK_THROWS_AS(davis_mixture(wrong, one), std::invalid_argument);  // of 1e-200 no gamma number was ever accepted
+  }
 }

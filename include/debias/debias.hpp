@@ -7,6 +7,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>

@@ -10,7 +10,9 @@
 //   Notation: x = at, h_k = first_step ratio^k; f(x), or f(x, stream) for the derivative of x -> E f(x).
 // All evaluations of a draw see the same random numbers. The rates hold where f is smooth in every sample.
 // Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump or have their own noise,
-// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it.
+// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it. The bound
+// of an f without noise is infinite where its differences fall by less than 3/4 of the declared rate: at jumps, cusps
+// and poles, and at kinks of second differences.
 // Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
 // (`last_level`); later differences are 0, and the result carries the bound on the bias (`bias_bound`).
 
@@ -24,7 +26,6 @@
 #include <limits>
 #include <optional>
 #include <span>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -33,9 +34,11 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -78,7 +81,7 @@ namespace detail {
 template <ParameterFunction F>
 auto evaluate(const F& f, double x, const Stream& rng) {
   if constexpr (RandomFunction<F>) {
-    Stream common = rng;
+    Stream common(rng);
     return f(x, common);
   } else {
     return f(x);
@@ -107,14 +110,16 @@ class FiniteDifference {
     const std::int64_t deepest = deepest_step() - options_.extrapolations;
     if (deepest < 0) refuse("the step is lost beside `at`; take a larger one");
     measure_size();
+    const std::int64_t rounded = std::min(deepest, rounding_level());
     if (options_.last_level) {
       if (*options_.last_level < 0 || *options_.last_level > deepest) {
         refuse("last_level must lie in 0 ... " + std::to_string(deepest) + "; beyond, the step is lost beside `at`");
       }
       last_level_ = *options_.last_level;
     } else {
-      last_level_ = std::min(deepest, rounding_level());
+      last_level_ = rounded;
     }
+    probed_levels_ = std::min(rounded, std::max(last_level_, fewest_probed));
     for (std::int64_t k = 0; k <= std::min(last_level_ + options_.extrapolations, last_stored_step); ++k) {
       steps_.push_back(step_of(k));
     }
@@ -125,25 +130,14 @@ class FiniteDifference {
     if (level > last_level_) {
       if (options_.beyond == BeyondLast::throws) beyond_last(level);
       Term<value_type> last = value_at(last_level_, rng);
-      value_type nothing = zero_like(last.value);
+      value_type nothing = debias::difference(value_type(last.value), last.value);  // zero, unless f is not finite
       return {std::move(last.value), std::move(nothing), last.work};
     }
     if (level == 0) {
       const Term<value_type> first = value_at(0, rng);
-      return base(first.value, first.work);
+      return debias::base(first.value, first.work);
     }
-    const Quotients q(*this, rng);
-    value_type previous = q(level - 1);
-    value_type finer = q(level);
-    value_type value = scaled(finer, weights_[0]);
-    value_type change = scaled(debias::difference(value_type(finer), previous), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) {
-      previous = std::move(finer);
-      finer = q(level + i);
-      value = sum(std::move(value), scaled(finer, weight(i)));
-      change = sum(std::move(change), scaled(debias::difference(value_type(finer), previous), weight(i)));
-    }
-    return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
+    return draw_of(level, rng);
   }
 
   /// I_level alone. Above last_level() see BeyondLast.
@@ -153,8 +147,9 @@ class FiniteDifference {
       level = last_level_;
     }
     const Quotients q(*this, rng);
-    value_type value = scaled(q(level), weights_[0]);
-    for (int i = 1; i <= options_.extrapolations; ++i) value = sum(std::move(value), scaled(q(level + i), weight(i)));
+    value_type value = debias::scaled(q(level), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i)
+      value = debias::sum(std::move(value), debias::scaled(q(level + i), weight(i)));
     return {std::move(value), q.work(options_.extrapolations + 1)};
   }
 
@@ -170,20 +165,21 @@ class FiniteDifference {
 
   /// The deepest level with a difference of its own.
   [[nodiscard]] std::int64_t last_level() const { return last_level_; }
+  /// The deepest level that can be drawn: that one where BeyondLast::throws.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return options_.beyond == BeyondLast::throws ? last_level_ : deepest_of_all;
+  }
 
   /// What the levels beyond the last one and rounding may do to the mean. Truncation: the root mean squares
   /// of the levels of the run, continued with the declared rate, and doubled for what is not asymptotic yet;
-  /// infinite if that does not fall, or if the levels do not. Rounding: f within eps of f(x (1 + eps)), its
-  /// size measured at `at`.
+  /// infinite if that does not fall, or if the levels do not: those of the run or, of an f without noise, which
+  /// is evaluated once more, all of them. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     const double fall = rates.variance / 2;
     double truncation = 0;
     bool seen = false;
-    struct Moment {
-      std::int64_t level = 0;
-      double log_square = 0;
-      double variance = 0;  // of log_square
-    } first, deepest;
+    bool finite = true;
+    std::vector<Moment> moments;
     for (std::size_t i = 1; i < levels.rows().size() && i < static_cast<std::size_t>(LevelTable::single_levels); ++i) {
       const LevelSums& row = levels.rows()[i];
       const auto level = static_cast<std::int64_t>(i);
@@ -191,39 +187,33 @@ class FiniteDifference {
       seen = true;
       const auto count = static_cast<double>(row.count);
       const double square = row.square / count;
+      finite = finite && std::isfinite(square);
       truncation =
           std::max(truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
       const double kurtosis = square > 0 ? row.fourth / count / square / square : 0;
       if (!(square > 0) || count < draws_per_kurtosis * kurtosis) continue;
-      deepest = {level, std::log(square), (kurtosis - 1) / count};
-      if (first.level == 0) first = deepest;
+      // Of equal differences the kurtosis is a rounding off 1.
+      moments.push_back({level, std::log(square), std::max(kurtosis - 1, 0.0) / count});
     }
-    const bool grows = deepest.log_square - first.log_square > 2 * std::sqrt(first.variance + deepest.variance);
-    truncation =
-        seen && fall > 0 && !grows ? 2 * truncation / (1 - std::exp2(-fall)) : std::numeric_limits<double>::infinity();
+    const std::string doubt = doubt_of(moments);
+    truncation = seen && finite && fall > 0 && doubt.empty() ? 2 * truncation / (1 - std::exp2(-fall))
+                                                             : std::numeric_limits<double>::infinity();
     const double rounding = rounding_error(last_level_);
-    std::ostringstream text;
-    text << "finite differences end at level " << last_level_ << "; truncation " << truncation;
-    if (grows) {
-      text << ", since the differences grow (E D_k^2 = " << std::exp(first.log_square) << " at level " << first.level
-           << ", " << std::exp(deepest.log_square) << " at " << deepest.level
-           << "): f jumps, or has noise of its own, and common random numbers do not help";
+    std::string text = "finite differences end at level " + std::to_string(last_level_) + "; truncation " +
+                       detail::format("%g", truncation);
+    if (!doubt.empty()) {
+      text += ", since " + doubt;
+    } else if (!finite) {
+      text += ", since the differences are not finite";
     } else {
-      text << " if E D_k^2 falls like 2^(-" << rates.variance << " k)";
+      text += " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance) + " k)";
     }
-    text << ", rounding " << rounding << " if f is good to one unit in the last place";
-    return {truncation + rounding, text.str()};
+    text += ", rounding " + detail::format("%g", rounding) + " if f is good to one unit in the last place";
+    return {truncation + rounding, text};
   }
 
   /// How far rounding in f may move I_level.
-  [[nodiscard]] double rounding_error(std::int64_t level) const {
-    double amplified = 0;
-    for (int i = 0; i <= options_.extrapolations; ++i) {
-      const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
-      amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
-    }
-    return amplified * epsilon_of<value_type>() * size_;
-  }
+  [[nodiscard]] double rounding_error(std::int64_t level) const { return rounding_error(level, size_); }
 
   Rates rates;
 
@@ -232,7 +222,100 @@ class FiniteDifference {
   static constexpr std::uint64_t size_draws = 32;
   static constexpr double draws_per_kurtosis = 10;
   static constexpr std::int64_t last_stored_step = 1023;
+  static constexpr std::int64_t fewest_probed = 4;  // levels that show how differences fall
+  static constexpr double units_of_noise = 64;      // in the last place, that an f without noise may have
   static constexpr bool is_random = detail::RandomFunction<F>;
+
+  /// E D_k^2 of a level of a run.
+  struct Moment {
+    std::int64_t level;
+    double log_square;
+    double variance;  // of log_square
+  };
+
+  /// Why differences do not fall as they should; empty where they do, or nobody can tell.
+  [[nodiscard]] std::string doubt_of(const std::vector<Moment>& moments) const {
+    if constexpr (is_random) {
+      return doubt_of_draws(moments);
+    } else {
+      return doubt_of_function();
+    }
+  }
+
+  // Do the levels of a run grow from the first to the last one, or stay at the height of the highest one? A level that
+  // is higher than the last one, beyond doubt, shows that they fall: the first one may be small by accident.
+  [[nodiscard]] std::string doubt_of_draws(const std::vector<Moment>& moments) const {
+    if (moments.size() < 2) return {};
+    const Moment& first = moments.front();
+    const Moment& last = moments.back();
+    const Moment& highest = *std::max_element(moments.begin(), moments.end() - 1, [](const Moment& a, const Moment& b) {
+      return a.log_square < b.log_square;
+    });
+    const auto rise = [&last](const Moment& m) { return last.log_square - m.log_square; };
+    const auto error = [&last](const Moment& m) { return 2 * std::sqrt(m.variance + last.variance); };
+    // An eighth of the declared rate is nothing that a kink explains.
+    const double least_fall = std::min(rates.variance, 16.0) / 8 * std::log(2.0);
+    const bool grows = rise(first) > error(first) && !(-rise(highest) > error(highest));
+    const bool stays = rise(highest) > error(highest) - least_fall * static_cast<double>(last.level - highest.level);
+    if (!grows && !stays) return {};
+    const Moment& from = grows ? first : highest;
+    std::ostringstream text;
+    text << "the differences " << (grows ? "grow" : "do not fall") << " (E D_k^2 = " << std::exp(from.log_square)
+         << " at level " << from.level << ", " << std::exp(last.log_square) << " at " << last.level
+         << "): f jumps, or has noise of its own, and common random numbers do not help";
+    return text.str();
+  }
+
+  // How an f without noise falls is seen level by level, over the last levels on which it is above rounding.
+  [[nodiscard]] std::string doubt_of_function() const {
+    constexpr double share_of_rate = 0.75;
+    const Stream unused(0, 0);
+    std::vector<double> sizes(1);  // of D_k; 0 where it is rounding
+    std::int64_t last = 0;
+    for (std::int64_t k = 1; k <= probed_levels_; ++k) {
+      const auto draw = draw_of(k, unused);
+      const double size = std::abs(debias::as_scalar(draw.difference));
+      const double here = std::abs(debias::as_scalar(detail::evaluate(f_, at_ + step(k), unused)));
+      if (!std::isfinite(size) || !std::isfinite(here)) {
+        return "f is not finite at a distance of " + text_of(step(k));
+      }
+      const double noise = units_of_noise * (rounding_error(k, std::max(size_, here)) +
+                                             epsilon_of<value_type>() * std::abs(debias::as_scalar(draw.value)));
+      sizes.push_back(size > noise ? size : 0);
+      if (size > noise) last = k;
+    }
+    if (last < 2) return {};
+    const auto largest = [&sizes](std::int64_t from, std::int64_t to) {  // the level of the largest in [from, to]
+      const auto begin = sizes.begin() + std::max<std::int64_t>(from, 1);
+      return std::max_element(begin, sizes.begin() + to + 1) - sizes.begin();
+    };
+    const std::int64_t span = std::min<std::int64_t>(last - 1, 3);
+    const std::int64_t late = largest(last - (span == 3 ? 1 : 0), last);
+    const std::int64_t early = largest(last - span - 2, last - span);
+    const double before = sizes[static_cast<std::size_t>(early)];
+    const double after = sizes[static_cast<std::size_t>(late)];
+    const double needed = share_of_rate * std::min(rates.variance / 2, 16.0) * static_cast<double>(late - early);
+    if (after * std::exp2(needed) <= before) return {};
+    return std::string("the differences ") + (after > before ? "grow" : "do not fall as declared") +
+           " (|D_k| = " + text_of(before) + " at level " + std::to_string(early) + ", " + text_of(after) + " at " +
+           std::to_string(late) + "): f jumps or bends there, or has a pole";
+  }
+
+  static std::string text_of(double x) {
+    std::ostringstream text;
+    text << x;
+    return text.str();
+  }
+
+  /// How far rounding of numbers of that size may move I_level.
+  [[nodiscard]] double rounding_error(std::int64_t level, double size) const {
+    double amplified = 0;
+    for (int i = 0; i <= options_.extrapolations; ++i) {
+      const double h = options_.first_step * std::pow(options_.ratio, static_cast<double>(level + i));
+      amplified += std::abs(weight(i)) * (is_second() ? 4 / (h * h) : is_central() ? 1 / h : 2 / h);
+    }
+    return amplified * epsilon_of<value_type>() * size;
+  }
 
   [[nodiscard]] bool is_central() const { return options_.kind == Difference::central; }
   [[nodiscard]] bool is_second() const { return options_.kind == Difference::second; }
@@ -298,6 +381,23 @@ class FiniteDifference {
     }
   }
 
+  // Both numbers of a level above 0, whether it is beyond the last one or not.
+  Draw<value_type> draw_of(std::int64_t level, const Stream& rng) const {
+    const Quotients q(*this, rng);
+    value_type previous = q(level - 1);
+    value_type finer = q(level);
+    value_type value = debias::scaled(finer, weights_[0]);
+    value_type change = debias::scaled(debias::difference(value_type(finer), previous), weights_[0]);
+    for (int i = 1; i <= options_.extrapolations; ++i) {
+      previous = std::move(finer);
+      finer = q(level + i);
+      value = debias::sum(std::move(value), debias::scaled(finer, weight(i)));
+      change =
+          debias::sum(std::move(change), debias::scaled(debias::difference(value_type(finer), previous), weight(i)));
+    }
+    return {std::move(value), std::move(change), q.work(options_.extrapolations + 2)};
+  }
+
   // Root mean squares over a few draws of a seed of their own: of what rounding is relative to, |f(at)| or
   // |at f'|, and of the change of f over the first step.
   void measure_size() {
@@ -308,8 +408,11 @@ class FiniteDifference {
       const Stream rng = split(Stream(0, i), Branch::pilot);
       const value_type f = detail::evaluate(f_, at_, rng);
       if (!is_random) here_ = f;
-      const double size = as_scalar(f);
-      const double moved = as_scalar(debias::difference(detail::evaluate(f_, at_ + options_.first_step, rng), f));
+      const value_type up = detail::evaluate(f_, at_ + options_.first_step, rng);
+      double size = debias::as_scalar(f);
+      double moved = debias::as_scalar(debias::difference(value_type(up), f));
+      if (!is_random && !std::isfinite(size))
+        size = moved = debias::as_scalar(up);  // a central quotient does without f(at)
       if (!std::isfinite(size) || !std::isfinite(moved)) continue;
       here += size * size / static_cast<double>(draws);
       change += moved * moved / static_cast<double>(draws);
@@ -327,7 +430,8 @@ class FiniteDifference {
     const double meet = std::min(rates.variance / 2, 26.0) - power * std::log2(options_.ratio);
     if (!(meet > 0)) return std::numeric_limits<std::int64_t>::max();
     const double level = std::log2(first / rounding_error(0)) / meet;
-    return static_cast<std::int64_t>(std::clamp(level, 0.0, 4000.0));
+    if (!(level < 4000)) return 4000;  // a NaN, too: the first numbers of f are none
+    return level > 0 ? static_cast<std::int64_t>(level) : 0;
   }
 
   // A true quotient is correctly rounded: two levels that are equal in theory are then equal here. A product
@@ -338,18 +442,18 @@ class FiniteDifference {
   }
 
   [[noreturn]] void refuse(const std::string& why) const {
-    std::ostringstream text;
-    text << "finite_difference: at = " << at_ << ", first_step = " << options_.first_step
-         << ", ratio = " << options_.ratio << " (" << why << ")";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument("finite_difference: at = " + detail::format("%g", at_) +
+                                ", first_step = " + detail::format("%g", options_.first_step) +
+                                ", ratio = " + detail::format("%g", options_.ratio) + " (" + why + ")");
   }
 
   [[noreturn]] void beyond_last(std::int64_t level) const {
-    std::ostringstream text;
-    text << "finite_difference: at level " << level << " the step " << options_.first_step << " * " << options_.ratio
-         << "^" << level << " beside at = " << at_ << " is lost in rounding; the last level is " << last_level_
-         << ": take a law that reaches deep levels less often, or BeyondLast::truncates";
-    throw std::length_error(text.str());
+    const std::string k = std::to_string(level);
+    throw std::length_error("finite_difference: at level " + k + " the step " +
+                            detail::format("%g", options_.first_step) + " * " + detail::format("%g", options_.ratio) +
+                            "^" + k + " beside at = " + detail::format("%g", at_) +
+                            " is lost in rounding; the last level is " + std::to_string(last_level_) +
+                            ": take a law that reaches deep levels less often, or BeyondLast::truncates");
   }
 
   F f_;
@@ -361,6 +465,7 @@ class FiniteDifference {
   double size_ = 0;
   double change_ = 0;
   std::int64_t last_level_ = 0;
+  std::int64_t probed_levels_ = 0;
 };
 
 namespace detail {
@@ -388,10 +493,25 @@ FiniteDifference<F> finite_difference(F f, double at, const DifferenceOptions& o
   return {std::move(f), at, options, rates};
 }
 
+template <class F>
+requires(!ParameterFunction<F>) auto finite_difference(const F& /*f*/, double /*at*/,
+                                                       const DifferenceOptions& /*options*/ = {},
+                                                       const Rates& /*rates*/ = {}) {
+  return detail::refuse<
+      detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const double&>(), F>();
+}
+
+namespace detail {
+template <class F>
+concept ComplexFunction = std::invocable < const F&,
+        const std::complex<double>
+& > || std::invocable<const F&, const std::complex<double>&, Stream&>;
+}  // namespace detail
+
 /// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
 /// bias or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
 /// real parts and `<` only must not lose the imaginary part: no abs, no max.
-template <class F>
+template <detail::ComplexFunction F>
 auto complex_step(F f, double at) {
   constexpr double h = 0x1p-300;
   return [f = std::move(f), point = std::complex<double>(at, h)](Stream& rng) -> double {
@@ -401,6 +521,15 @@ auto complex_step(F f, double at) {
       return f(point).imag() / h;
     }
   };
+}
+
+template <class F>
+requires(!detail::ComplexFunction<F>) auto complex_step(const F& /*f*/, double /*at*/) {
+  using Z = const std::complex<double>&;
+  return detail::refuse<detail::first_of(
+                            detail::mistake_in_call<F, Z, Stream&>(),
+                            detail::first_of(detail::mistake_in_call<F, Z>(), detail::Mistake::no_complex_function)),
+                        F>();
 }
 
 }  // namespace debias

@@ -70,6 +70,8 @@ class BlockMeans {
     sum_ += x;
     if (++filled_ == length_) close();
   }
+  /// As if every value had been multiplied by 2^exponent.
+  void scale(int exponent);
   /// Values in a block, a power of two.
   [[nodiscard]] std::int64_t length() const { return length_; }
   /// 512 to 1023 of them, or as many as there are values.
@@ -95,8 +97,8 @@ struct BiasedEstimate {
 /// means. It assumes a finite variance, and values in independent order; a group has equally many of them,
 /// the last few are left out. Its error stays below sigma sqrt(32 ln(1/delta) / n) with probability 1 -
 /// delta, where the mean has no such bound. It estimates the median of a group mean: for skewed values that
-/// is biased, by up to sigma sqrt(k / n). Throws std::invalid_argument unless 0 < delta < 1 and there are at
-/// least k values.
+/// is biased, by up to sigma sqrt(k / n). NaN where a value is not finite. Throws std::invalid_argument unless
+/// 0 < delta < 1 and there are at least k values.
 BiasedEstimate median_of_means(std::span<const double> values, double delta = 0.05);
 
 /// Mean -+ t quantile x standard error, with one degree of freedom less than there are values.

@@ -13,6 +13,8 @@
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a law divides by p_k.
+// A NaN among the draws makes value and difference NaN, whatever g makes of it. Of a mean that is infinite I_k is what g
+// says (e^-inf = 0, 1 / inf = 0), and D_k is NaN where g has a gap.
 
 #include <array>
 #include <cmath>
@@ -29,9 +31,11 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/function_of_mean/points.hpp>
 
@@ -59,6 +63,17 @@ concept LevelFunction = requires(const G& g, std::int64_t level, const M& m) {
   { g.gap(level, m, m) } -> std::same_as<std::remove_cvref_t<decltype(g.at(level, m))>>;
 };
 
+/// A function that knows its gap from the halves a = m + d and b = m - d as well: gap_of_halves(a, b), or
+/// gap_of_halves(level, a, b).
+template <class G, class M>
+concept KnowsHalves = requires(const G& g, const M& half) {
+  g.gap_of_halves(half, half);
+};
+template <class G, class M>
+concept LevelKnowsHalves = requires(const G& g, std::int64_t level, const M& half) {
+  g.gap_of_halves(level, half, half);
+};
+
 /// A function with batch forms (functions.hpp): values(m) in place, gaps(m, d) with the gap in d.
 template <class G>
 concept BatchedFunction = requires(const G& g, std::span<double> m) {
@@ -82,9 +97,9 @@ class RunningSum {
  public:
   void add(V v) {
     if constexpr (begins_at_zero) {
-      total_ = sum(std::move(total_), v);
+      total_ = debias::sum(std::move(total_), v);
     } else if (total_) {
-      total_ = sum(std::move(*total_), v);
+      total_ = debias::sum(std::move(*total_), v);
     } else {
       total_ = std::move(v);
     }
@@ -115,6 +130,7 @@ class Doubling {
  public:
   using value_type = decltype(detail::value_at(std::declval<const G&>(), 0, std::declval<const Mean&>()));
   static constexpr bool has_gap = OffersGap<G, Mean> || detail::LevelFunction<G, Mean>;
+  static constexpr bool difference_shows_all = has_gap;  // a gap of NaN is NaN
 
   Rates rates;
   /// g(E X), unless the mean is one given something random.
@@ -130,16 +146,16 @@ class Doubling {
 
   /// Throws, like the members below, std::length_error above level 62.
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
-    if (level == 0) return base(value_of_one_point(rng), work(0));
+    if (level == 0) return debias::base(value_of_one_point(rng), work(0));
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), difference(sums, level), work(level)};
+    return {value_of_mean(mean(sums, level), level), difference(sums, level), work(level)};
   }
 
   /// I_level alone.
   Term<value_type> value_at(std::int64_t level, Stream& rng) const {
     if (level == 0) return {value_of_one_point(rng), work(0)};
     const Halves sums = halves(level, 0, rng, NoVisit{});
-    return {detail::value_at(g_, level, mean(sums, level)), work(level)};
+    return {value_of_mean(mean(sums, level), level), work(level)};
   }
 
   /// D_level, and I_base_level averaged over all groups of the same draws: on a comb one group alone, or
@@ -149,13 +165,13 @@ class Doubling {
     const double per_point = points_.scale * detail::share_of_draw(base_level);
     detail::RunningSum<mean_t<value_type>> values;
     const auto add = [&](const Mean& group) {
-      values.add(mean_t<value_type>(detail::value_at(g_, base_level, scaled(group, per_point))));
+      values.add(mean_t<value_type>(detail::value_at(g_, base_level, debias::scaled(group, per_point))));
     };
     const Halves sums = halves(level, base_level, rng, [&](const Mean& even_group, const Mean& odd_group) {
       add(even_group);
       add(odd_group);
     });
-    return {static_cast<value_type>(scaled(values.total(), detail::share_of_draw(level - base_level))),
+    return {static_cast<value_type>(debias::scaled(values.total(), detail::share_of_draw(level - base_level))),
             difference(sums, level), work(level)};
   }
 
@@ -199,6 +215,8 @@ class Doubling {
     const double share = detail::share_of_draw(level - base_level);
     for (std::size_t b = 0; b < out.size(); ++b) out[b] = {bases[b] * share, sums.odd[b], work(level)};
   }
+
+  [[nodiscard]] static std::int64_t deepest_level() { return 62; }
 
   /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
   /// may be off by, and the least variance of a run: they stay as large while the probabilities of their
@@ -253,8 +271,8 @@ class Doubling {
       even = group();
       odd = group();
       visit(even, odd);
-      sums.even = sum(std::move(sums.even), even);
-      sums.odd = sum(std::move(sums.odd), odd);
+      sums.even = debias::sum(std::move(sums.even), even);
+      sums.odd = debias::sum(std::move(sums.odd), odd);
     }
     return sums;
   }
@@ -295,7 +313,7 @@ class Doubling {
     if constexpr (detail::BatchedFunction<G>) {
       g_.values(means);
     } else {
-      for (double& x : means) x = detail::value_at(g_, level, x);
+      for (double& x : means) x = value_of_mean(x, level);
     }
   }
 
@@ -303,6 +321,14 @@ class Doubling {
   void gaps(std::int64_t level, Sums& sums, std::size_t members) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::BatchedFunction<G>) {
+      bool any = false;
+      if constexpr (detail::KnowsHalves<G, Mean>) {
+        for (std::size_t b = 0; b < members; ++b) any = any | lopsided(sums.even[b], sums.odd[b]);
+      }
+      if (any) [[unlikely]] {
+        for (std::size_t b = 0; b < members; ++b) sums.odd[b] = difference(Halves{sums.even[b], sums.odd[b]}, level);
+        return;
+      }
       for (std::size_t b = 0; b < members; ++b) {
         const double even = sums.even[b];
         sums.even[b] = (even + sums.odd[b]) * per_point;
@@ -315,24 +341,61 @@ class Doubling {
   }
 
   value_type value_of_one_point(Stream& rng) const {
-    return detail::value_at(g_, 0, scaled(points_.points(0, 0, rng)(), points_.scale));
+    return value_of_mean(debias::scaled(points_.points(0, 0, rng)(), points_.scale), 0);
+  }
+
+  // A comparison in g, or a component that it does not use, would hide a NaN.
+  value_type value_of_mean(const Mean& m, std::int64_t level) const {
+    return or_nan(detail::value_at(g_, level, m), m);
+  }
+  static value_type or_nan(value_type value, const Mean& m) {
+    if (debias::has_nan(m)) [[unlikely]]
+      return debias::nan_like(std::move(value));
+    return value;
   }
 
   Mean mean(const Halves& sums, std::int64_t level) const {
-    return scaled(sum(sums.even, sums.odd), points_.scale * detail::share_of_draw(level));
+    return debias::scaled(debias::sum(sums.even, sums.odd), points_.scale * detail::share_of_draw(level));
   }
 
   /// Exactly zero where the halves have equal sums, with or without a gap: a factor of two does not round.
   value_type difference(const Halves& sums, std::int64_t level) const {
+    if constexpr (RealValue<Mean>) {  // nearly all pairs of numbers: nothing is NaN, or lost beside the other
+      const double even = std::abs(static_cast<double>(sums.even));
+      const double odd = std::abs(static_cast<double>(sums.odd));
+      if (even >= 0x1p-26 * odd && odd >= 0x1p-26 * even) [[likely]]
+        return plain_difference(sums, level);
+    }
+    return careful_difference(sums, level);
+  }
+
+  value_type plain_difference(const Halves& sums, std::int64_t level) const {
     const double per_point = points_.scale * detail::share_of_draw(level);
     if constexpr (detail::LevelFunction<G, Mean>) {
-      return g_.gap(level, mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return g_.gap(level, mean(sums, level), debias::scaled(debias::difference(sums.even, sums.odd), per_point));
     } else if constexpr (OffersGap<G, Mean>) {
-      return g_.gap(mean(sums, level), scaled(debias::difference(sums.even, sums.odd), per_point));
+      return g_.gap(mean(sums, level), debias::scaled(debias::difference(sums.even, sums.odd), per_point));
     } else {
-      const value_type even = g_(scaled(sums.even, 2 * per_point));
-      const value_type odd = g_(scaled(sums.odd, 2 * per_point));
-      return debias::difference(g_(mean(sums, level)), scaled(sum(even, odd), 0.5));
+      const value_type even = g_(debias::scaled(sums.even, 2 * per_point));
+      const value_type odd = g_(debias::scaled(sums.odd, 2 * per_point));
+      return debias::difference(g_(mean(sums, level)), debias::scaled(debias::sum(even, odd), 0.5));
+    }
+  }
+
+  [[gnu::noinline]] value_type careful_difference(const Halves& sums, std::int64_t level) const {
+    const Mean m = mean(sums, level);
+    if constexpr (detail::KnowsHalves<G, Mean> || detail::LevelKnowsHalves<G, Mean>) {
+      if (lopsided(sums.even, sums.odd)) return or_nan(gap_of_halves(sums, level), m);
+    }
+    return or_nan(plain_difference(sums, level), m);
+  }
+
+  value_type gap_of_halves(const Halves& sums, std::int64_t level) const {
+    const double per_point = 2 * points_.scale * detail::share_of_draw(level);
+    if constexpr (detail::LevelKnowsHalves<G, Mean>) {
+      return g_.gap_of_halves(level, debias::scaled(sums.even, per_point), debias::scaled(sums.odd, per_point));
+    } else {
+      return g_.gap_of_halves(debias::scaled(sums.even, per_point), debias::scaled(sums.odd, per_point));
     }
   }
 
@@ -349,8 +412,8 @@ class Doubling {
 /// Throws std::invalid_argument unless pole >= 0, and moments and power are positive and finite.
 inline std::int64_t base_level_for_pole(double pole, double moments = 4, double power = 1) {
   if (!(pole >= 0 && moments > 0 && power > 0) || !std::isfinite(pole * moments / power)) {
-    throw std::invalid_argument("base_level_for_pole: pole = " + std::to_string(pole) +
-                                ", moments = " + std::to_string(moments) + ", power = " + std::to_string(power) +
+    throw std::invalid_argument("base_level_for_pole: pole = " + detail::format("%f", pole) + ", moments = " +
+                                detail::format("%f", moments) + ", power = " + detail::format("%f", power) +
                                 " (must be positive and finite; a pole of 0, a logarithm, needs nothing)");
   }
   std::int64_t level = 0;
@@ -365,6 +428,11 @@ auto function_of_mean(X x, G g, const Rates& rates = {2, 1}) {
   return Doubling<P, G>(P{std::move(x)}, std::move(g), rates);
 }
 
+template <class X, class G>
+requires(!RandomVariable<X>) auto function_of_mean(const X& /*x*/, const G& /*g*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_draws<X>(), X>();
+}
+
 struct IntegralOptions {
   double from = 0;
   double to = 1;
@@ -373,7 +441,7 @@ struct IntegralOptions {
 
 namespace detail {
 inline void check_interval(const char* name, double from, double to) {
-  if (std::isfinite(from) && std::isfinite(to)) return;
+  if (std::isfinite(to - from)) return;
   throw std::invalid_argument(std::string(name) + ": the interval is not finite; substitute the variable");
 }
 }  // namespace detail
@@ -423,9 +491,9 @@ class CombMean {
     const double step = length_ / work;
     M total(f_(from_ + step * offset));
     for (std::int64_t i = 1; i < points_; ++i) {
-      total = sum(std::move(total), M(f_(from_ + step * (static_cast<double>(i) + offset))));
+      total = debias::sum(std::move(total), M(f_(from_ + step * (static_cast<double>(i) + offset))));
     }
-    return scaled(std::move(total), step);
+    return debias::scaled(std::move(total), step);
   }
 
   double work;  ///< look-ups of a draw

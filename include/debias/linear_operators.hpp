@@ -22,7 +22,6 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -33,6 +32,7 @@
 
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/series.hpp>
 
 namespace debias {
@@ -103,41 +103,52 @@ namespace detail {
 /// The estimated radius, refused unless below `limit`.
 template <LinearOperator A>
 double radius_below(const char* name, const A& a, double limit, const char* advice) {
-  const double radius = spectral_radius(a);
+  const double radius = debias::spectral_radius(a);
   if (!(radius < limit)) {
-    std::ostringstream text;
-    text << "estimated spectral radius = " << radius << " (must be below " << limit << "); " << advice;
-    refuse_operator(name, text.str());
+    refuse_operator(name, "estimated spectral radius = " + format("%g", radius) + " (must be below " +
+                              format("%g", limit) + "); " + advice);
   }
   return radius;
+}
+
+/// Vectors of a system: a walk would meet a component that is not finite in few samples only.
+inline void check_finite(const char* name, const char* what, const Eigen::VectorXd& v) {
+  for (Eigen::Index i = 0; i < v.size(); ++i) {
+    if (!std::isfinite(v[i])) {
+      refuse_operator(
+          name, std::string(what) + "[" + std::to_string(i) + "] = " + std::to_string(v[i]) + " (must be finite)");
+    }
+  }
 }
 
 constexpr const char* precondition = "the series diverges: precondition, or scale the system";
 
 template <LinearOperator A, class Read>
 auto powers(A a, Eigen::VectorXd b, Read read) {
-  check_square("neumann", a, b.size());
-  const Rates rates = geometric_terms(radius_below("neumann", a, 1, precondition));
+  detail::check_square("neumann", a, b.size());
+  detail::check_finite("neumann", "b", b);
+  const Rates rates = geometric_terms(detail::radius_below("neumann", a, 1, precondition));
   const auto matrix = std::make_shared<const A>(std::move(a));
   const auto start = [first = std::make_shared<const Eigen::VectorXd>(std::move(b))](Stream&) { return *first; };
-  const auto advance = [matrix](const Eigen::VectorXd& x, Stream&) { return apply(*matrix, x); };
-  return path_series(start, advance, std::move(read), rates);
+  const auto advance = [matrix](const Eigen::VectorXd& x, Stream&) { return detail::apply(*matrix, x); };
+  return debias::path_series(start, advance, std::move(read), rates);
 }
 
 }  // namespace detail
 
 /// The solution x of x = A x + b, all components.
-/// Throws std::invalid_argument for sizes that do not fit, and when A^k b does not fall.
+/// Throws std::invalid_argument for sizes that do not fit, vectors that are not finite, and when A^k b does not fall.
 template <LinearOperator A>
 auto neumann(A a, Eigen::VectorXd b) {
   return detail::powers(std::move(a), std::move(b), [](const Eigen::VectorXd& x) { return x; });
 }
 
 /// The functional <c, x> of the solution of x = A x + b.
-/// Throws std::invalid_argument for sizes that do not fit, and when A^k b does not fall.
+/// Throws std::invalid_argument for sizes that do not fit, vectors that are not finite, and when A^k b does not fall.
 template <LinearOperator A>
 auto neumann(A a, Eigen::VectorXd b, Eigen::VectorXd c) {
   detail::check_square("neumann", a, c.size());
+  detail::check_finite("neumann", "c", c);
   const auto functional = std::make_shared<const Eigen::VectorXd>(std::move(c));
   return detail::powers(std::move(a), std::move(b),
                         [functional](const Eigen::VectorXd& x) { return functional->dot(x); });
@@ -204,12 +215,14 @@ class WalkMatrix {
 
 /// The functional <c, x> of the solution of x = A x + b by the random walk of Ulam and von Neumann: it starts
 /// at i with probability |c_i| / |c|_1 and leaves i for j with p_ij = |a_ij| / sum_j |a_ij|.
-/// Throws std::invalid_argument for sizes that do not fit, c = 0, and when no law has a finite variance: when
+/// Throws std::invalid_argument for sizes that do not fit, b or c that are not finite, c = 0, and when no law has a finite variance: when
 /// the spectral radius of a_ij^2 / p_ij is not below 1.
 template <LinearOperator A>
 requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {
   detail::check_square("neumann_walk", a, b.size());
   detail::check_square("neumann_walk", a, c.size());
+  detail::check_finite("neumann_walk", "b", b);
+  detail::check_finite("neumann_walk", "c", c);
   struct State {
     Eigen::Index at;
     double weight;
@@ -246,7 +259,7 @@ requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const 
   const auto read = [b = std::make_shared<const Eigen::VectorXd>(std::move(b))](const State& s) {
     return s.weight * (*b)[s.at];
   };
-  return path_series(start, advance, read, Rates{-std::log2(radius), 0});
+  return debias::path_series(start, advance, read, Rates{-std::log2(radius), 0});
 }
 
 /// tr f(A) for f(x) = sum_k coefficient(k) x^k, which converges for |x| < `radius_of_convergence` (may be
@@ -280,13 +293,13 @@ auto trace_of_function(A a, Coefficient coefficient, double radius_of_convergenc
     return s;
   };
   const auto read = [coefficient](const State& s) -> double { return coefficient(s.k) * s.signs.dot(s.power); };
-  return path_series(start, advance, read, rates);
+  return debias::path_series(start, advance, read, rates);
 }
 
 /// log det(I - A). Throws std::invalid_argument when the estimated spectral radius of A is not below 1.
 template <LinearOperator A>
 auto log_determinant(A a) {
-  return trace_of_function(
+  return debias::trace_of_function(
       std::move(a), [](std::int64_t k) { return k == 0 ? 0.0 : -1 / static_cast<double>(k); }, 1.0);
 }
 

@@ -32,7 +32,8 @@ template <class E>
 auto estimate(MPI_Comm comm, const E& estimator, Plan plan = {}) {
   const auto ranks = ranks_of(comm);
   plan.ranks = ranks.get();
-  return debias::estimate(estimator, plan);
+  using debias::estimate;  // unqualified: whatever is included later, a recipe's say, is found through the plan
+  return estimate(estimator, plan);
 }
 
 }  // namespace debias::mpi

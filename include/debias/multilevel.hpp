@@ -21,6 +21,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/survey/levels.hpp>
 
@@ -29,7 +30,7 @@ namespace debias {
 struct MultilevelOptions {
   double bias_share = 0.25;         ///< of the squared error
   std::int64_t first_draws = 1000;  ///< of the pilot of a new level
-  std::int64_t most_levels = 24;
+  std::int64_t most_levels = 24;    ///< fewer where the sequence cannot draw so many
 };
 
 /// One level of a finished run.
@@ -50,24 +51,36 @@ struct MultilevelStatistics {
   double beta = 0;
   double work = 0;  ///< of pilots and run
   double seconds = 0;
+  double pilot_work = 0;  ///< of `work`, the pilots, which the draws of the run are planned from; no part of the mean
+  double pilot_seconds = 0;  ///< of `seconds`
   std::uint64_t seed = 0;
+  std::vector<std::string> warnings;
   std::vector<MultilevelRow> rows;
 
   /// Root of variance and squared bias together; its norm, for several components.
   [[nodiscard]] double error() const;
+  /// That is at most the goal, with the levels that it takes.
+  [[nodiscard]] bool goal_met() const { return converged && error() <= goal; }
 };
 
 std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& statistics);
 
 /// A root mean square error of `error`, by draws from the pilot streams of plan.seed; plan.samples is not used.
-/// Throws std::invalid_argument unless error and options are positive, and what the sequence throws (SampleError).
+/// Throws std::invalid_argument unless error and options are positive, or for draws that are not finite, and what the
+/// sequence throws (SampleError).
 MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan& plan = {},
                                 const MultilevelOptions& options = {});
 
 template <BiasedSequence S>
 MultilevelStatistics multilevel(const S& sequence, double error, const Plan& plan = {},
                                 const MultilevelOptions& options = {}) {
-  return multilevel(level_runs(sequence), error, plan, options);
+  return debias::multilevel(debias::level_runs(sequence), error, plan, options);
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto multilevel(const S& /*sequence*/, double /*error*/, const Plan& /*plan*/ = {},
+                                             const MultilevelOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -12,10 +12,13 @@
 // a finite fourth moment. f has to bear what such estimates may be: under a large weight they have either sign.
 // Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).
 
+#include <concepts>
 #include <cstdint>
+#include <type_traits>
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/function_of_mean.hpp>
@@ -39,6 +42,21 @@ struct ConditionalPoints {
   }
 };
 
+template <class Outer, class Inner>
+concept NestedDraws = std::invocable<const Outer&, Stream&> &&
+    requires(const Inner& inner, Stream& rng, const result_t<Outer, Stream&>& y) {
+  requires Value<std::remove_cvref_t<decltype(inner(y, rng))>>;
+};
+template <class Outer, class Inner>
+constexpr Mistake mistake_in_nested() {
+  constexpr Mistake outer = mistake_in_call<Outer, Stream&>();
+  if constexpr (outer == Mistake::none) {
+    return first_of(mistake_in_function<Inner, const result_t<Outer, Stream&>&, Stream&>(), Mistake::no_nested_draws);
+  } else {
+    return first_of(outer, Mistake::no_nested_draws);
+  }
+}
+
 }  // namespace detail
 
 /// An unbiased estimator as an inner draw: `make(y)` returns it. Each draw has a stream of its own; its work
@@ -46,17 +64,29 @@ struct ConditionalPoints {
 template <class Make>
 auto estimated(Make make) {
   return [make = std::move(make)](const auto& y, Stream& rng) {
-    Stream own = rng.split(rng.bits());
-    NullRecord unused;
-    return draw_sample(make(y), own, unused).value;
+    using E = std::remove_cvref_t<decltype(make(y))>;
+    if constexpr (Estimator<E>) {
+      Stream own = rng.split(rng.bits());
+      NullRecord unused;
+      return debias::draw_sample(make(y), own, unused).value;
+    } else {
+      return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+    }
   };
 }
 
 /// `outer(rng)` draws Y, of any type; `inner(y, rng)` draws X given Y = y, a Value; `f(mean)` is a Value.
 template <class Outer, class Inner, class F>
+requires detail::NestedDraws<Outer, Inner>
 auto nested(Outer outer, Inner inner, F f, const Rates& rates = {2, 1}) {
   using P = detail::ConditionalPoints<Outer, Inner>;
   return Doubling<P, F>(P{std::move(outer), std::move(inner)}, std::move(f), rates);
+}
+
+template <class Outer, class Inner, class F>
+requires(!detail::NestedDraws<Outer, Inner>) auto nested(const Outer& /*outer*/, const Inner& /*inner*/, const F& /*f*/,
+                                                         const Rates& /*rates*/ = {}) {
+  return detail::refuse<detail::mistake_in_nested<Outer, Inner>(), Outer, Inner>();
 }
 
 }  // namespace debias

@@ -24,14 +24,17 @@
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/radius.hpp>
 
 namespace debias {
 
-/// Where a photon arrived, seen from the point: `power` is what all photons together carry.
+/// Where a photon arrived, seen from the point: `power` is what all photons together carry. A photon that arrives
+/// nowhere has an infinite distance; powers of either sign are averaged as they are, others are refused.
 struct Photon {
   double distance2;
   double power;
@@ -44,14 +47,29 @@ concept PhotonSource = requires(const S& s, Stream& rng) {
 
 enum class Kernel { disc, cone, epanechnikov };
 
+namespace detail {
+[[noreturn]] inline void refuse_photon(double distance2, double power) {
+  throw std::domain_error("photon: distance2 = " + std::to_string(distance2) + ", power = " + std::to_string(power) +
+                          " (must be at least 0, and finite); an infinite distance is a photon that arrives nowhere");
+}
+/// A power that is not finite is refused, wherever its photon arrived.
+inline void require_power(const Photon& p) {
+  if (!std::isfinite(p.power)) [[unlikely]]
+    refuse_photon(p.distance2, p.power);
+}
+}  // namespace detail
+
 /// K(d) of one radius, per area; 0 from the radius on.
 class RadialKernel {
  public:
   RadialKernel(Kernel kernel, double radius2)
       : kernel_(kernel), inverse_(1 / radius2), height_(inverse_ / std::numbers::pi) {}
+  /// Throws std::domain_error for a squared distance that is negative or no number.
   double operator()(double distance2) const {
     const double share = distance2 * inverse_;
-    if (!(share < 1)) return 0;
+    if (share >= 1) return 0;
+    if (!(share >= 0)) [[unlikely]]
+      detail::refuse_photon(distance2, 1);
     switch (kernel_) {
       case Kernel::disc:
         return height_;
@@ -72,13 +90,26 @@ class RadialKernel {
 namespace detail {
 inline void require_radius(const char* name, double radius, double photons) {
   if (radius > 0 && std::isfinite(radius) && photons >= 1 && std::isfinite(photons)) return;
-  throw std::invalid_argument(std::string(name) + ": radius = " + std::to_string(radius) + ", photons = " +
-                              std::to_string(photons) + " (must be positive and finite, and at least 1)");
+  throw std::invalid_argument(std::string(name) + ": radius = " + detail::format("%f", radius) + ", photons = " +
+                              detail::format("%f", photons) + " (must be positive and finite, and at least 1)");
 }
 inline std::int64_t whole_photons(double n) {
   if (n < 0x1p62) return static_cast<std::int64_t>(std::ceil(n));
-  throw std::length_error("photon: a level needs " + std::to_string(n) +
+  throw std::length_error("photon: a level needs " + detail::format("%f", n) +
                           " photons (beyond int64); choose a law with a lighter tail");
+}
+/// The last level whose number of photons, which grows, is one.
+template <class Photons>
+std::int64_t deepest_of_photons(const Photons& photons) {
+  const auto fits = [&](std::int64_t k) { return photons(static_cast<double>(k)) < 0x1p62; };
+  std::int64_t low = 0;
+  std::int64_t high = deepest_of_all;
+  if (fits(high)) return high;
+  while (high - low > 1) {
+    const std::int64_t middle = low + (high - low) / 2;
+    (fits(middle) ? low : high) = middle;
+  }
+  return low;
 }
 }  // namespace detail
 
@@ -97,6 +128,10 @@ struct GeometricRadii {
   [[nodiscard]] std::int64_t photons_at(std::int64_t k) const {
     return detail::whole_photons(photons * std::pow(growth, static_cast<double>(k)));
   }
+  /// The last level whose photons fit 64 bits.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return detail::deepest_of_photons([this](double k) { return photons * std::pow(growth, k); });
+  }
   [[nodiscard]] Rates rates() const {
     const double a = std::log2(shrink);
     return {std::min(std::log2(growth) - a, 2 * a), std::log2(growth)};
@@ -107,11 +142,11 @@ struct GeometricRadii {
   void check() const {
     detail::require_radius("GeometricRadii", radius, photons);
     if (shrink > 1 && growth > 1 && std::isfinite(shrink) && std::isfinite(growth)) return;
-    throw std::invalid_argument("GeometricRadii: shrink = " + std::to_string(shrink) +
-                                ", growth = " + std::to_string(growth) + " (must be finite and above 1)");
+    throw std::invalid_argument("GeometricRadii: shrink = " + detail::format("%f", shrink) +
+                                ", growth = " + detail::format("%f", growth) + " (must be finite and above 1)");
   }
   [[nodiscard]] std::string describe() const {
-    return "r^2 / " + std::to_string(shrink) + " and photons x " + std::to_string(growth) + " a level";
+    return "r^2 / " + detail::format("%f", shrink) + " and photons x " + detail::format("%f", growth) + " a level";
   }
 };
 
@@ -128,18 +163,21 @@ struct AlphaRadii {
   [[nodiscard]] std::int64_t photons_at(std::int64_t k) const {
     return detail::whole_photons(photons * std::pow(static_cast<double>(k) + 1, 1 - c * alpha));
   }
+  [[nodiscard]] std::int64_t deepest_level() const {
+    return detail::deepest_of_photons([this](double k) { return photons * std::pow(k + 1, 1 - c * alpha); });
+  }
   [[nodiscard]] Rates rates() const { return {2 + alpha - c * alpha, 1 - c * alpha, Decay::polynomial}; }
   [[nodiscard]] bool finite_mean() const { return c < 1; }
   [[nodiscard]] RadiusLaw law() const { return RadiusLaw(alpha); }
   void check() const {
     detail::require_radius("AlphaRadii", radius, photons);
     if (alpha > 0 && alpha < 1 && c >= 0 && c * alpha <= 1) return;
-    throw std::invalid_argument("AlphaRadii: alpha = " + std::to_string(alpha) + ", c = " + std::to_string(c) +
-                                " (must lie in (0, 1), and in [0, 1 / alpha])");
+    throw std::invalid_argument("AlphaRadii: alpha = " + detail::format("%f", alpha) +
+                                ", c = " + detail::format("%f", c) + " (must lie in (0, 1), and in [0, 1 / alpha])");
   }
   [[nodiscard]] std::string describe() const {
-    return "r^2 ~ k^(alpha - 1), photons ~ k^(1 - c alpha), alpha = " + std::to_string(alpha) +
-           ", c = " + std::to_string(c);
+    return "r^2 ~ k^(alpha - 1), photons ~ k^(1 - c alpha), alpha = " + detail::format("%f", alpha) +
+           ", c = " + detail::format("%f", c);
   }
 };
 
@@ -170,6 +208,7 @@ class PhotonLevels {
     const SharedDraw<double> d = draw(level, level, rng);
     return {d.base, level == 0 ? d.base : d.difference, d.work};
   }
+  [[nodiscard]] std::int64_t deepest_level() const { return schedule_.deepest_level(); }
   /// The base from the photons of the difference, under the kernel of its own radius.
   SharedDraw<double> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
     return draw(level, base_level, rng);
@@ -189,7 +228,8 @@ class PhotonLevels {
     double differences = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
-      if (!(p.distance2 < largest)) continue;
+      detail::require_power(p);
+      if (p.distance2 >= largest) continue;  // the kernels refuse a NaN
       values += p.power * base(p.distance2);
       differences += p.power * (fine(p.distance2) - coarse(p.distance2));
     }
@@ -225,7 +265,7 @@ class ProgressivePhotons {
   ProgressivePhotons(S source, const ProgressiveRadii& radii) : source_(std::move(source)), radii_(radii) {
     detail::require_radius("progressive_photons", radii.radius, radii.photons);
     if (radii.alpha > 0 && radii.alpha <= 1) return;
-    throw std::invalid_argument("progressive_photons: alpha = " + std::to_string(radii.alpha) +
+    throw std::invalid_argument("progressive_photons: alpha = " + detail::format("%f", radii.alpha) +
                                 " (must lie in (0, 1]; 2/3 is best, 1 keeps the radius)");
   }
   Sample<double> operator()(Stream& rng) const {
@@ -234,13 +274,14 @@ class ProgressivePhotons {
     double sum = 0;
     for (std::int64_t i = 0; i < n; ++i) {
       const Photon p = source_(rng);
+      detail::require_power(p);
       sum += p.power * kernel(p.distance2);
     }
     const auto count = static_cast<double>(n);
     return {sum / count, count};
   }
   [[nodiscard]] std::string describe() const {
-    return "progressive_photons (biased), alpha " + std::to_string(radii_.alpha);
+    return "progressive_photons (biased), alpha " + detail::format("%f", radii_.alpha);
   }
 
  private:
@@ -251,6 +292,17 @@ class ProgressivePhotons {
 template <PhotonSource S>
 ProgressivePhotons<S> progressive_photons(S source, const ProgressiveRadii& radii) {
   return {std::move(source), radii};
+}
+
+// What is no source.
+template <class S, class Schedule>
+requires(!PhotonSource<S>) auto photon_levels(const S& /*source*/, const Schedule& /*schedule*/,
+                                              const PhotonOptions& /*options*/ = {}) {
+  return detail::refuse<detail::first_of(detail::mistake_in_call<S, Stream&>(), detail::Mistake::no_photons), S>();
+}
+template <class S>
+requires(!PhotonSource<S>) auto progressive_photons(const S& /*source*/, const ProgressiveRadii& /*radii*/) {
+  return detail::refuse<detail::first_of(detail::mistake_in_call<S, Stream&>(), detail::Mistake::no_photons), S>();
 }
 
 }  // namespace debias

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
@@ -59,6 +60,10 @@ struct Advice {
   VarianceAndWork predicted;  ///< of one member
   double bound = 0;           ///< of variance x work, for draws that share nothing
   double highest_moment = 0;  ///< moments of a sample are finite below this order
+  /// Of variance x work, for a law that falls faster than the best one since levels beyond the deepest cannot be drawn
+  /// (core/reach.hpp); 1 where the best one does.
+  double price = 1;
+  std::int64_t deepest_level = deepest_of_all;  ///< that the sequence can draw
   std::vector<std::string> sentences;
 
   /// False where a no is shown or likely; an open answer runs, with an honest interval.
@@ -76,6 +81,11 @@ struct Recipe {
   S sequence;
   RecipeOptions options;
 };
+
+namespace detail {
+template <class S>
+inline constexpr bool is_recipe<Recipe<S>> = true;
+}  // namespace detail
 
 template <BiasedSequence S>
 Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
@@ -96,26 +106,32 @@ std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
 /// The estimator that an advice names; `trace` replays a block of it.
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
-  return stratified(single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}),
-                    advice.block);
+  return debias::stratified(
+      debias::single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}), advice.block);
 }
 
 namespace detail {
-/// The plan of the run in blocks. Throws std::invalid_argument where no law has finite variance and finite work.
+/// The plan of the run in blocks, with the pilot that it took. Throws std::invalid_argument where no law has finite variance and finite work.
 Plan plan_of(const Plan& plan, const Advice& advice);
-/// Goal and pilot of the whole, and its doubts as warnings, for the result of that run.
+/// Goal of the whole, and its doubts as warnings, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 }  // namespace detail
 
 /// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
+/// The pilot counts in the work and the seconds of the result.
 /// Throws std::invalid_argument, with the reasons, where no law is shown or likely to have finite variance and finite
-/// work, and what the sequence throws (SampleError).
+/// work, UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
-  Advice advice = advise(level_runs(recipe.sequence), plan, recipe.options);
-  auto result = estimate(estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
+  Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);
+  auto result = debias::estimate(debias::estimator_of(recipe.sequence, advice), detail::plan_of(plan, advice));
   detail::follow(result, advice, plan.goal);
   return {std::move(result), std::move(advice)};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto recipe(const S& /*sequence*/, const RecipeOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -11,7 +11,7 @@
 // behind a barrier (declare it), 2^-k under euler, where no law has finite variance and finite work. With
 // additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
 // Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
-// above.
+// above. A path that leaves the finite numbers makes its sample NaN, whatever the payoff makes of it.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>
@@ -21,7 +21,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -30,6 +29,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/sde/summaries.hpp>
 
@@ -109,12 +109,31 @@ namespace detail {
 template <class M>
 using state_of = std::remove_cvref_t<decltype(std::declval<const M&>().start)>;
 
-template <class F, class Summary, class State>
-decltype(auto) pay(const F& payoff, const Summary& summary, const State& end) {
-  if constexpr (std::same_as<Summary, EndOnly>) {
-    return payoff(end);
+/// A state of a model, number or vector. What is not finite stays so from step to step: looking at the end is enough.
+template <class State>
+bool is_finite_state(const State& x) {
+  if constexpr (std::is_arithmetic_v<State>) {
+    return std::isfinite(static_cast<double>(x));
   } else {
-    return payoff(summary);
+    return x.allFinite();
+  }
+}
+
+/// The payoff; NaN where the path has seen numbers that are none, which a comparison in the payoff would hide.
+template <class F, class Summary, class State>
+auto pay(const F& payoff, const Summary& summary, const State& end) {
+  bool finite = is_finite_state(end);
+  if constexpr (requires {
+                  { summary.finite() } -> std::same_as<bool>;
+                }) {
+    finite = finite && summary.finite();
+  }
+  if constexpr (std::same_as<Summary, EndOnly>) {
+    std::remove_cvref_t<decltype(payoff(end))> value = payoff(end);
+    return finite ? value : debias::nan_like(std::move(value));
+  } else {
+    std::remove_cvref_t<decltype(payoff(summary))> value = payoff(summary);
+    return finite ? value : debias::nan_like(std::move(value));
   }
 }
 
@@ -292,9 +311,8 @@ class SdeLevels {
   SdeLevels(M model, Summary summary, F payoff, const Rates& declared)
       : rates(declared), model_(std::move(model)), summary_(std::move(summary)), payoff_(std::move(payoff)) {
     if (!(model_.horizon > 0) || !std::isfinite(static_cast<double>(model_.horizon))) {
-      std::ostringstream text;
-      text << "sde: horizon = " << model_.horizon << " (must be positive and finite)";
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument("sde: horizon = " + detail::format("%g", static_cast<double>(model_.horizon)) +
+                                  " (must be positive and finite)");
     }
     noises_ = Step::noises(model_);
   }
@@ -303,7 +321,7 @@ class SdeLevels {
   Draw<value_type> operator()(std::int64_t level, Stream& rng) const {
     if (level == 0) {
       const Term<value_type> one = value_at(0, rng);
-      return base(one.value, one.work);
+      return debias::base(one.value, one.work);
     }
     const std::int64_t steps = steps_of(level);
     const double h = model_.horizon / static_cast<double>(steps);
@@ -328,10 +346,10 @@ class SdeLevels {
     }
     const auto n = static_cast<double>(steps);
     if constexpr (Step::is_antithetic) {
-      const value_type mean = scaled(sum(fine.pay(payoff_), twin.pay(payoff_)), 0.5);
-      return coupled<value_type>(mean, coarse.pay(payoff_), 2.5 * n);
+      const value_type mean = debias::scaled(debias::sum(fine.pay(payoff_), twin.pay(payoff_)), 0.5);
+      return debias::coupled<value_type>(mean, coarse.pay(payoff_), 2.5 * n);
     } else {
-      return coupled<value_type>(fine.pay(payoff_), coarse.pay(payoff_), 1.5 * n);
+      return debias::coupled<value_type>(fine.pay(payoff_), coarse.pay(payoff_), 1.5 * n);
     }
   }
 
@@ -347,6 +365,8 @@ class SdeLevels {
     }
     return {path.pay(payoff_), static_cast<double>(steps)};
   }
+
+  [[nodiscard]] static std::int64_t deepest_level() { return last_level; }
 
   // ---- many members at once
 

@@ -14,6 +14,7 @@
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
@@ -24,9 +25,11 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -101,7 +104,7 @@ class Series {
     value_type partial = term;
     for (std::int64_t k = 1; k <= level; ++k) {
       term = detail::evaluate_term(term_, k, rng);
-      partial = sum(std::move(partial), term);
+      partial = debias::sum(std::move(partial), term);
     }
     return {std::move(partial), std::move(term), work_ * (static_cast<double>(level) + 1)};
   }
@@ -115,6 +118,7 @@ class Series {
     std::fill(out.begin(), out.end(), difference_at(level, batch.stream(0)));
   }
 
+  [[nodiscard]] std::int64_t deepest_level() const requires StatesDeepestLevel<T> { return term_.deepest_level(); }
   [[nodiscard]] const T& terms() const { return term_; }
   [[nodiscard]] double work_per_term() const { return work_; }
 
@@ -144,11 +148,17 @@ RatedSeries<T> series(T term, const Rates& rates) {
   return {std::move(term), rates};
 }
 
+template <class T>
+requires(!SeriesTerm<T>) auto series(const T& /*term*/, const Rates& /*rates*/ = {}) {
+  return detail::refuse<
+      detail::mistake_in_parameter_function<T, detail::Mistake::no_series_term, const std::int64_t&>(), T>();
+}
+
 /// Terms that fall like ratio^k: E a_k^2 ~ 2^(-beta k) with beta = -2 log2|ratio|.
 /// Throws std::invalid_argument unless |ratio| < 1.
 inline Rates geometric_terms(double ratio) {
   if (!(std::abs(ratio) < 1)) {
-    throw std::invalid_argument("geometric_terms: ratio = " + std::to_string(ratio) +
+    throw std::invalid_argument("geometric_terms: ratio = " + detail::format("%f", ratio) +
                                 " (must lie in (-1, 1)); a series that diverges has no sum to estimate");
   }
   return {-2 * std::log2(std::abs(ratio)), 0};
@@ -158,7 +168,7 @@ inline Rates geometric_terms(double ratio) {
 /// Throws std::invalid_argument unless exponent > 0.
 inline Rates polynomial_terms(double exponent) {
   if (!(exponent > 0)) {
-    throw std::invalid_argument("polynomial_terms: exponent = " + std::to_string(exponent) +
+    throw std::invalid_argument("polynomial_terms: exponent = " + detail::format("%f", exponent) +
                                 " (must be positive: a_k ~ k^-exponent has to fall)");
   }
   return {2 * exponent, 0, Decay::polynomial};
@@ -173,13 +183,15 @@ template <SeriesTerm T>
 struct PairOfTerms {
   T term;
 
+  [[nodiscard]] static std::int64_t deepest_level() { return std::numeric_limits<std::int64_t>::max() / 2; }
+
   auto operator()(std::int64_t k) const requires(!RandomTerm<T>) {
-    return sum(term(first_of(k)), term(first_of(k) + 1));
+    return debias::sum(term(first_of(k)), term(first_of(k) + 1));
   }
 
   auto operator()(std::int64_t k, const Stream& rng) const requires RandomTerm<T> {
-    auto first = evaluate_term(term, first_of(k), rng);
-    return sum(std::move(first), evaluate_term(term, first_of(k) + 1, rng));
+    auto first = detail::evaluate_term(term, first_of(k), rng);
+    return debias::sum(std::move(first), detail::evaluate_term(term, first_of(k) + 1, rng));
   }
 
   static std::int64_t first_of(std::int64_t k) {
@@ -235,9 +247,15 @@ class Blocks {
   /// Both, from the same terms.
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
     Term<value_type> block = difference_at(level, rng);
-    if (level == 0) return base(block.value, block.work);
+    if (level == 0) return debias::base(block.value, block.work);
     Term<value_type> before = value_at(level - 1, rng);
-    return {sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
+    return {debias::sum(std::move(before.value), block.value), std::move(block.value), before.work + block.work};
+  }
+
+  /// The last block whose terms the series has.
+  [[nodiscard]] std::int64_t deepest_level() const {
+    const auto end = static_cast<std::uint64_t>(deepest_level_of(series_)) + 1;
+    return std::min<std::int64_t>(62, std::bit_width(end) - 1);
   }
 
   Rates rates;
@@ -255,7 +273,7 @@ class Blocks {
     Term<value_type> total = series_.difference_at(first, rng);
     for (std::int64_t k = first + 1; k < last; ++k) {
       const Term<value_type> term = series_.difference_at(k, rng);
-      total.value = sum(std::move(total.value), term.value);
+      total.value = debias::sum(std::move(total.value), term.value);
       total.work += term.work;
     }
     return total;
@@ -279,6 +297,26 @@ Blocks<T> blocks(const RatedSeries<T>& s) {
   return {s, Rates{s.rates.variance - 2, 1}};
 }
 
+namespace detail {
+template <class Start, class Advance, class Read>
+concept PathParts = std::invocable<const Start&, Stream&> &&
+    requires(const Advance& advance, const Read& read, Stream& rng, result_t<Start, Stream&> state) {
+  state = advance(std::move(state), rng);
+  requires Value<std::remove_cvref_t<decltype(read(std::as_const(state)))>>;
+};
+template <class Start, class Advance, class Read>
+constexpr Mistake mistake_in_path() {
+  constexpr Mistake start = mistake_in_call<Start, Stream&>();
+  if constexpr (start == Mistake::none) {
+    using State = result_t<Start, Stream&>;
+    constexpr Mistake advance = mistake_in_call<Advance, State, Stream&>();
+    return first_of(advance, first_of(mistake_in_function<Read, const State&>(), Mistake::no_path));
+  } else {
+    return first_of(start, Mistake::no_path);
+  }
+}
+}  // namespace detail
+
 /// The terms of a series along one path: term k is read off the state that `start` gives and `advance` has
 /// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth
 /// k adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the
@@ -296,19 +334,32 @@ class PathSeries {
   /// Yields the terms in order; the series has to outlive it.
   class Cursor {
    public:
-    Cursor(const PathSeries& path, const Stream& rng) : path_(&path), rng_(rng), state_(path.start_(rng_)) {}
+    Cursor(const PathSeries& path, const Stream& rng) : path_(&path), rng_(rng), state_(path.start_(rng_)) { look(); }
 
     Term<value_type> operator()() {
-      if (!first_) state_ = path_->advance_(std::move(state_), rng_);
+      if (!first_) {
+        state_ = path_->advance_(std::move(state_), rng_);
+        look();
+      }
       first_ = false;
-      return {path_->read_(std::as_const(state_))};
+      value_type term = path_->read_(std::as_const(state_));
+      return {finite_ ? std::move(term) : debias::nan_like(std::move(term))};
     }
 
    private:
+    // A state that is a Value and not finite spoils all that follows, whatever `advance` or `read` make of it.
+    void look() {
+      if constexpr (Value<State>) {
+        if (!debias::is_finite(state_)) [[unlikely]]
+          finite_ = false;
+      }
+    }
+
     const PathSeries* path_;
     Stream rng_;
     State state_;
     bool first_ = true;
+    bool finite_ = true;
   };
 
   Cursor operator()(const Stream& rng) const { return {*this, rng}; }
@@ -322,10 +373,20 @@ class PathSeries {
 };
 
 /// `start(rng)` -> state, `advance(state, rng)` -> the next state, `read(state)` -> a Value, the term. Work 1
-/// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path.
+/// a term. `rates` are those of the terms: geometric_terms(albedo) for a light path. Terms from a state on that is a
+/// Value and not finite are NaN.
 template <class Start, class Advance, class Read>
-PathSeries<Start, Advance, Read> path_series(Start start, Advance advance, Read read, const Rates& rates) {
+requires detail::PathParts<Start, Advance, Read> PathSeries<Start, Advance, Read> path_series(Start start,
+                                                                                              Advance advance,
+                                                                                              Read read,
+                                                                                              const Rates& rates) {
   return {std::move(start), std::move(advance), std::move(read), rates};
+}
+
+template <class Start, class Advance, class Read>
+requires(!detail::PathParts<Start, Advance, Read>) auto path_series(const Start& /*start*/, const Advance& /*advance*/,
+                                                                    const Read& /*read*/, const Rates& /*rates*/) {
+  return detail::refuse<detail::mistake_in_path<Start, Advance, Read>(), Start, Advance, Read>();
 }
 
 }  // namespace debias

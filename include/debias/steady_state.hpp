@@ -9,7 +9,7 @@
 // Assumes that a step contracts in mean square, E|phi(x) - phi(y)|^2 <= c^2 |x - y|^2 with c < 1, and that f
 // is Lipschitz: E D_k^2 ~ c^(2 k). (For a power of x the moments have to contract as well.) The work, 2 k - 1
 // steps, grows linearly, which beside a geometric decay counts as exponent 0. Fails where only the laws of
-// the two chains come together, not their paths.
+// the two chains come together, not their paths. A state that is a Value and not finite makes the sample NaN.
 // Source: Glynn & Rhee, J. Appl. Probab. 51A (2014).
 
 #include <cmath>
@@ -20,8 +20,10 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 
 namespace debias {
@@ -55,33 +57,50 @@ class SteadyState {
   using value_type = detail::observed_t<F, State>;
 
   SteadyState(Step step, State start, F f, const Rates& declared)
-      : rates(declared), step_(std::move(step)), start_(std::move(start)), f_(std::move(f)) {}
+      : rates(declared), step_(std::move(step)), start_(std::move(start)), f_(std::move(f)) {
+    if constexpr (Value<State>) {
+      if (!debias::is_finite(start_)) throw std::invalid_argument("steady_state: the start is not finite");
+    }
+  }
 
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
-    if (level == 0) return base<value_type>(f_(start_));
-    State fine = next(start_, level, rng);
+    if (level == 0) return debias::base<value_type>(f_(start_));
+    bool finite = true;
+    State fine = next(start_, level, rng, finite);
     State coarse = start_;
     for (std::int64_t j = level - 1; j > 0; --j) {
-      fine = next(std::move(fine), j, rng);
-      coarse = next(std::move(coarse), j, rng);
+      fine = next(std::move(fine), j, rng, finite);
+      coarse = next(std::move(coarse), j, rng, finite);
     }
-    return coupled<value_type>(f_(fine), f_(coarse), 2 * static_cast<double>(level) - 1);
+    return debias::coupled<value_type>(observed(fine, finite), f_(coarse), 2 * static_cast<double>(level) - 1);
   }
 
   /// I_level alone, in `level` steps (work 1 at level 0).
   Term<value_type> value_at(std::int64_t level, const Stream& rng) const {
     State x = start_;
-    for (std::int64_t j = level; j > 0; --j) x = next(std::move(x), j, rng);
-    return {f_(x), level > 0 ? static_cast<double>(level) : 1.0};
+    bool finite = true;
+    for (std::int64_t j = level; j > 0; --j) x = next(std::move(x), j, rng, finite);
+    return {observed(x, finite), level > 0 ? static_cast<double>(level) : 1.0};
   }
 
   Rates rates;
 
  private:
   // A stream for every step, not one for the path: a step may use more random numbers here than there.
-  State next(State x, std::int64_t j, const Stream& rng) const {
+  // `finite` remembers a state that was not: a later step, or f, may hide it behind a comparison.
+  State next(State x, std::int64_t j, const Stream& rng, bool& finite) const {
     Stream innovations = rng.split(static_cast<std::uint64_t>(j));
-    return step_(std::move(x), innovations);
+    State moved = step_(std::move(x), innovations);
+    if constexpr (Value<State>) {
+      if (!debias::is_finite(moved)) [[unlikely]]
+        finite = false;
+    }
+    return moved;
+  }
+
+  value_type observed(const State& x, bool finite) const {
+    value_type value = f_(x);
+    return finite ? value : debias::nan_like(std::move(value));
   }
 
   Step step_;
@@ -89,19 +108,41 @@ class SteadyState {
   F f_;
 };
 
-/// E f(X) for X in the steady state of the chain:
+namespace detail {
+template <class Step, class Start, class F>
+concept ChainParts = std::invocable<const Step&, Start, Stream&> && MarkovStep<Step, state_t<Step, Start>> &&
+    Observable<F, state_t<Step, Start>>;
+template <class Step, class Start, class F>
+constexpr Mistake mistake_in_chain() {
+  constexpr Mistake step = mistake_in_call<Step, Start, Stream&>();
+  if constexpr (step == Mistake::none) {
+    return first_of(mistake_in_function<F, const state_t<Step, Start>&>(), Mistake::no_markov_step);
+  } else {
+    return first_of(step, Mistake::no_markov_step);
+  }
+}
+}  // namespace detail
+
+/// E f(X) for X in the steady state of the chain; throws std::invalid_argument for a start that is not finite:
 /// `steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0, f, contraction(0.5))`.
 template <class Step, class Start, class F>
+requires detail::ChainParts<Step, Start, F>
 auto steady_state(Step step, Start start, F f, const Rates& rates) {
   using State = detail::state_t<Step, Start>;
   return SteadyState<State, Step, F>(std::move(step), State(std::move(start)), std::move(f), rates);
+}
+
+template <class Step, class Start, class F>
+requires(!detail::ChainParts<Step, Start, F>) auto steady_state(const Step& /*step*/, const Start& /*start*/,
+                                                                const F& /*f*/, const Rates& /*rates*/) {
+  return detail::refuse<detail::mistake_in_chain<Step, Start, F>(), Step, Start, F>();
 }
 
 /// The rates of a chain whose step contracts by `c` in mean square: E D_k^2 ~ c^(2 k).
 /// Throws std::invalid_argument unless 0 <= c < 1.
 inline Rates contraction(double c) {
   if (!(c >= 0 && c < 1)) {
-    throw std::invalid_argument("contraction: c = " + std::to_string(c) +
+    throw std::invalid_argument("contraction: c = " + detail::format("%f", c) +
                                 " (must lie in [0, 1)); a chain that does not contract needs more than this");
   }
   return {-2 * std::log2(c), 0};

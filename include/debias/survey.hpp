@@ -20,6 +20,7 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/statistics/evidence.hpp>
 #include <debias/survey/levels.hpp>
@@ -51,6 +52,7 @@ struct SurveyRow {
   double seconds = 0;                       ///< of a draw of both, on one thread or all
   bool votes = false;                       ///< draws >= 10 x kurtosis, and not all of them zero
   bool fitted = false;                      ///< takes part in the fitted rates
+  int fewer_threads = 0;                    ///< as of Statistics
   std::vector<ComponentEstimate> values{};  ///< of I_k, by component
   std::vector<ComponentEstimate> coarse{};  ///< of its coarse partner, I_k - D_k
 };
@@ -92,7 +94,13 @@ Survey survey(const LevelRuns& runs, std::int64_t levels = 8, const Plan& plan =
 template <BiasedSequence S>
 Survey survey(const S& sequence, std::int64_t levels = 8, const Plan& plan = {.samples = 4096},
               std::int64_t first = 0) {
-  return survey(level_runs(sequence), levels, plan, first);
+  return debias::survey(debias::level_runs(sequence), levels, plan, first);
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto survey(const S& /*sequence*/, std::int64_t /*levels*/ = 8, const Plan& /*plan*/ = {},
+                                         std::int64_t /*first*/ = 0) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 /// As many levels as `work` pays for (at most 24), each with about the same share of it, but at most

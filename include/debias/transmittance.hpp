@@ -2,7 +2,7 @@
 
 // Transmittance along a ray: g(tau), tau = integral of the extinction mu over [0, length]; g = exp(-tau) unless said.
 //   name                     needs               look-ups                       what breaks it
-//   delta_tracking           mu <= majorant      at most tau_m                  mu > majorant: throws; only 0 or 1
+//   delta_tracking           0 <= mu <= majorant at most tau_m                  other mu: throws; only 0 or 1
 //   ratio_tracking           majorant            tau_m                          * variance T^2 (exp(E X^2 / tau_m) - 1)
 //   residual_ratio_tracking  both bounds         (majorant - minorant) length   * a control far from mu
 //   next_flight              majorant            tau_m                          *
@@ -11,7 +11,10 @@
 //   u_statistics             points of a comb    1.32 combs                     combs that differ by more than 1
 //   telescoping, any g       nothing             2^(m + 1) r / (2 r - 1)        combs of 2^m points that differ by more
 //   ray marching, any g      nothing             2^level                        everything: biased; also with jitter
-// tau_m = majorant length, X = mu(U) length, m = base level. *: with mu > majorant unbiased, but far noisier.
+// tau_m = majorant length, X = mu(U) length, m = base level. *: with mu < 0 or > majorant unbiased, but far noisier.
+// Only a probability needs its bounds: all but delta_tracking take any finite mu. A NaN makes the sample NaN, and so does
+// an infinite mu, but for exp(-inf) = 0 of a base that meets it. Bounds that are equal leave nothing to track: then
+// residual_ratio_tracking looks the medium up once, and throws where it is not what the bounds say.
 // p-series are roulette on transmittance_series, ray marching is `truncated` on telescoping or jittered_telescoping.
 // Davis and power laws: telescoping, u_statistics with a Geometric order, or davis_mixture of any row. Sources: Cramer
 // 1978 (next flight), Novak et al. 2014 (residual), Georgiev et al. 2019, Kettunen et al. 2021, Misso et al. 2022.
@@ -25,8 +28,10 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
+#include <debias/core/text.hpp>
 #include <debias/function_of_mean.hpp>
 #include <debias/functions.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
@@ -49,8 +54,8 @@ struct Ray : RayBounds {
   /// Throws std::invalid_argument unless 0 < length < infinity and 0 <= minorant <= majorant.
   Ray(F mu, const RayBounds& bounds) : RayBounds(bounds), extinction(std::move(mu)) {
     if (length > 0 && std::isfinite(length) && minorant >= 0 && minorant <= majorant) return;
-    throw std::invalid_argument("ray: length = " + std::to_string(length) + ", minorant = " + std::to_string(minorant) +
-                                ", majorant = " + std::to_string(majorant) +
+    throw std::invalid_argument("ray: length = " + detail::format("%f", length) + ", minorant = " +
+                                detail::format("%f", minorant) + ", majorant = " + detail::format("%f", majorant) +
                                 " (must be positive and finite, and 0 <= minorant <= majorant)");
   }
 };
@@ -70,9 +75,13 @@ inline functions::Davis power_law(double alpha) { return {1 / std::sqrt(alpha)};
 namespace detail {
 inline void require_majorant(const char* estimator, const RayBounds& ray) {
   if (ray.majorant > 0 && std::isfinite(ray.majorant)) return;
-  throw std::invalid_argument(std::string(estimator) + ": majorant = " + std::to_string(ray.majorant) +
+  throw std::invalid_argument(std::string(estimator) + ": majorant = " + detail::format("%f", ray.majorant) +
                               " (must be positive and finite); telescoping needs none");
 }
+/// What delta tracking cannot make a probability of.
+[[noreturn]] void refuse_extinction(const RayBounds& ray, double t, double mu);
+/// What is not the one value that the bounds of a ray leave.
+[[noreturn]] void refuse_constant(const RayBounds& ray, double t, double mu, double control);
 }  // namespace detail
 
 // ---- walks: free flights of rate `majorant`; work is 1 + look-ups
@@ -82,14 +91,15 @@ template <class F>
 class DeltaTracking {
  public:
   explicit DeltaTracking(Ray<F> ray) : ray_(std::move(ray)) { detail::require_majorant("delta_tracking", ray_); }
-  /// Throws std::domain_error where the extinction exceeds its majorant: no probability is above 1.
+  /// Throws std::domain_error where the extinction is not in [0, majorant]: mu / majorant is a probability.
   Sample<double> operator()(Stream& rng) const {
     double work = 1;
     const double flight = 1 / ray_.majorant;
     for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
       const double mu = ray_.extinction(t);
       ++work;
-      if (mu > ray_.majorant) refuse(mu);
+      if (!(mu >= 0 && mu <= ray_.majorant)) [[unlikely]]
+        detail::refuse_extinction(ray_, t, mu);
       if (rng.uniform() * ray_.majorant < mu) return {0, work};
     }
     return {1, work};
@@ -97,10 +107,6 @@ class DeltaTracking {
   [[nodiscard]] std::string describe() const { return "delta_tracking"; }
 
  private:
-  [[noreturn]] void refuse(double mu) const {
-    throw std::domain_error("delta_tracking: extinction = " + std::to_string(mu) + " (above its majorant " +
-                            std::to_string(ray_.majorant) + ", a bias); raise the majorant, or take ratio_tracking");
-  }
   Ray<F> ray_;
 };
 
@@ -112,7 +118,11 @@ class RatioTracking {
       : ray_(std::move(ray)), control_(control), rate_(rate), start_(std::exp(-control * ray_.length)) {}
   Sample<double> operator()(Stream& rng) const {
     Sample<double> sample{start_, 1};
-    if (rate_ == 0) return sample;
+    if (rate_ == 0) [[unlikely]] {
+      look_up_once(rng);
+      ++sample.work;
+      return sample;
+    }
     const double flight = 1 / rate_;
     for (double t = flight * rng.exponential(); t < ray_.length; t += flight * rng.exponential()) {
       sample.value *= 1 - (ray_.extinction(t) - control_) / rate_;
@@ -122,10 +132,18 @@ class RatioTracking {
     return sample;
   }
   [[nodiscard]] std::string describe() const {
-    return "ratio_tracking, control " + std::to_string(control_) + ", rate " + std::to_string(rate_);
+    return "ratio_tracking, control " + detail::format("%f", control_) + ", rate " + detail::format("%f", rate_);
   }
 
  private:
+  // With equal bounds nothing is tracked: a medium that is not constant would be taken for one.
+  void look_up_once(Stream& rng) const {
+    const double t = ray_.length * rng.uniform();
+    const double mu = ray_.extinction(t);
+    if (std::abs(mu - control_) <= 1e-9 * std::abs(control_)) return;  // rounding in mu; a NaN is refused
+    detail::refuse_constant(ray_, t, mu, control_);
+  }
+
   Ray<F> ray_;
   double control_;
   double rate_;
@@ -176,7 +194,7 @@ template <class F>
 RatioTracking<F> residual_ratio_tracking(Ray<F> ray, double control) {
   detail::require_majorant("residual_ratio_tracking", ray);
   if (!std::isfinite(control)) {
-    throw std::invalid_argument("residual_ratio_tracking: control = " + std::to_string(control) +
+    throw std::invalid_argument("residual_ratio_tracking: control = " + detail::format("%f", control) +
                                 " (must be finite, between the bounds of the extinction)");
   }
   const double rate = std::max(ray.majorant - control, control - ray.minorant);
@@ -207,11 +225,19 @@ auto optical_depth(const Ray<F>& ray) {
 template <class F, Expandable G = functions::ExpMinus>
 auto transmittance_series(const Ray<F>& ray, const G& g = {}) {
   detail::require_majorant("transmittance_series", ray);
-  return taylor(optical_depth(ray), g, ray.majorant * ray.length);
+  return debias::taylor(debias::optical_depth(ray), g, ray.majorant * ray.length);
 }
 
+namespace detail {
+/// The same where e^-mean underflows; throws std::invalid_argument where the arguments are impossible.
+std::int64_t large_poisson_quantile(double mean, double probability);
+}  // namespace detail
+
 /// The number of terms that reaches `probability` of a Poisson law of that mean.
+/// Throws std::invalid_argument unless the mean lies in [0, 10^4] and the probability in [0, 1].
 inline std::int64_t poisson_quantile(double mean, double probability) {
+  if (!(mean >= 0 && mean <= 700 && probability >= 0 && probability <= 1)) [[unlikely]]
+    return detail::large_poisson_quantile(mean, probability);
   double mass = std::exp(-mean);
   double cdf = mass;
   std::int64_t k = 0;
@@ -223,7 +249,12 @@ inline std::int64_t poisson_quantile(double mean, double probability) {
 }
 
 /// Points of the combs: as many look-ups as a p-series has terms, over the expected draws.
+/// Throws std::invalid_argument unless both are at least 0 and below 10^9.
 inline std::int64_t comb_of_u_statistics(double majorant_depth, double mean_order) {
+  if (!(majorant_depth >= 0 && majorant_depth < 1e9 && mean_order >= 0 && mean_order < 1e9)) {
+    throw std::invalid_argument("comb_of_u_statistics: majorant_depth = " + std::to_string(majorant_depth) +
+                                ", mean_order = " + std::to_string(mean_order) + " (must lie in [0, 10^9))");
+  }
   const double d = majorant_depth;
   const double terms = std::ceil(std::cbrt((0.015 + d) * (0.65 + d) * (60.3 + d)));
   return std::max<std::int64_t>(1, static_cast<std::int64_t>(terms / (mean_order + 1) + 0.5));
@@ -233,14 +264,15 @@ inline std::int64_t comb_of_u_statistics(double majorant_depth, double mean_orde
 /// (Davis) `order` must be Geometric.
 template <class F, Expandable G, Pmf P>
 auto u_statistics(const Ray<F>& ray, const G& g, std::int64_t points, P order) {
-  return taylor_sum(comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
+  return debias::taylor_sum(debias::comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
 }
 /// With the order law and the combs of its authors, from the majorant.
 template <class F>
 auto u_statistics(const Ray<F>& ray) {
   detail::require_majorant("u_statistics", ray);
   const BhanotKennedy order(0.9, 2, 2);
-  return u_statistics(ray, functions::ExpMinus{}, comb_of_u_statistics(ray.majorant * ray.length, order.mean()), order);
+  return debias::u_statistics(ray, functions::ExpMinus{}, comb_of_u_statistics(ray.majorant * ray.length, order.mean()),
+                              order);
 }
 
 // ---- combs
@@ -248,13 +280,13 @@ auto u_statistics(const Ray<F>& ray) {
 /// The sequence g(comb of 2^k points), for single_term(telescoping(ray), {.base_level = m}).
 template <class F, class G = functions::ExpMinus>
 auto telescoping(const Ray<F>& ray, const G& g = {}) {
-  return function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
+  return debias::function_of_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
 /// The same with jittered points, for media that do not continue periodically.
 template <class F, class G = functions::ExpMinus>
 auto jittered_telescoping(const Ray<F>& ray, const G& g = {}) {
-  return function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length});
+  return debias::function_of_jittered_integral(ray.extinction, g, {.from = 0, .to = ray.length});
 }
 
 // ---- correlated media
@@ -282,27 +314,34 @@ inline double unit_mean_gamma(double c, Stream& rng) {
 template <class Make>
 class DavisMixture {
  public:
-  /// Throws std::invalid_argument unless c is positive and finite.
+  /// Throws std::invalid_argument unless c is positive, and c^2 and 1 / c^2 are finite.
   DavisMixture(double c, Make make) : c_(c), make_(std::move(make)) {
-    if (c > 0 && std::isfinite(c)) return;
-    throw std::invalid_argument("davis_mixture: c = " + std::to_string(c) +
-                                " (must be positive and finite; for 0 take the exponential itself)");
+    if (c > 0 && std::isfinite(c * c) && std::isfinite(1 / (c * c))) return;
+    throw std::invalid_argument(
+        "davis_mixture: c = " + detail::format("%f", c) +
+        " (must be positive, with a finite c^2 and 1 / c^2; for 0 take the exponential itself)");
   }
   Sample<double> operator()(Stream& rng) const {
     constexpr std::uint64_t density_branch = std::uint64_t{1} << 61;
     Stream density = rng.split(density_branch);
     NullRecord record;
-    return draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
+    return debias::draw_sample(make_(detail::unit_mean_gamma(c_, density)), rng, record);
   }
-  [[nodiscard]] std::string describe() const { return "davis_mixture, c " + std::to_string(c_); }
+  [[nodiscard]] std::string describe() const { return "davis_mixture, c " + detail::format("%f", c_); }
 
  private:
   double c_;
   Make make_;
 };
 template <class Make>
-DavisMixture<Make> davis_mixture(double c, Make make) {
+requires Estimator<detail::result_t<Make, double>> DavisMixture<Make> davis_mixture(double c, Make make) {
   return {c, std::move(make)};
+}
+
+template <class Make>
+requires(!Estimator<detail::result_t<Make, double>>) auto davis_mixture(double /*c*/, const Make& /*make*/) {
+  return detail::refuse<detail::mistake_in_estimator<detail::result_t<Make, double>>(),
+                        detail::result_t<Make, double>>();
 }
 
 }  // namespace debias

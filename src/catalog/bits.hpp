@@ -39,6 +39,10 @@ inline std::vector<std::uint64_t> bits_of(const Statistics& s) {
   }
   for (const double x : s.upper_tail) number(x);
   for (const double x : s.lower_tail) number(x);
+  count(static_cast<std::int64_t>(s.coupling.state));
+  count(s.coupling.level);
+  number(s.coupling.z);
+  number(s.coupling.threshold);
   count(s.nonfinite);
   count(s.first_nonfinite);
   return words;

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -177,9 +175,7 @@ std::string doubts_of(const Statistics& s) {
   std::string all;
   const auto add = [&all](const std::string& doubt) { all += (all.empty() ? "" : "; ") + doubt; };
   if (s.bias_bound.size > 0) {
-    std::ostringstream text;
-    text << "bias at most " << std::setprecision(2) << s.bias_bound.size;
-    add(text.str());
+    add("bias at most " + format("%.2g", s.bias_bound.size));
   }
   for (const std::string& warning : s.warnings) add(first_clause(warning));
   if (s.nonfinite > 0 || s.moments.count < 2) return all;

@@ -38,6 +38,7 @@ LevelSums pilot(const S& sequence, std::int64_t level, std::int64_t draws, std::
     const Stream sample = split(Stream(seed, static_cast<std::uint64_t>(i)), Branch::pilot);
     Stream rng = split_level(sample, level);
     const auto term = difference_of(sequence, level, rng);
+    debias::detail::check_work(level, term.work);
     sums.add(as_scalar(term.value), term.work);
   }
   return sums;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <sstream>
+#include <string>
 #include <utility>
 
 #include <boost/math/distributions/chi_squared.hpp>
@@ -15,6 +15,7 @@
 #include <debias/survey.hpp>
 
 #include "../catalog.hpp"
+#include "../core/text.hpp"
 #include "bits.hpp"
 #include "validation.hpp"
 
@@ -27,12 +28,7 @@ constexpr double single_claim = 4.5;
 double band_low(std::int64_t n) { return 0.95 - 4.9 * std::sqrt(0.95 * 0.05 / static_cast<double>(n)) - 0.0003; }
 double band_high(std::int64_t n) { return 0.95 + 4.9 * std::sqrt(0.95 * 0.05 / static_cast<double>(n)) - 0.0006; }
 
-std::string number(double x, int digits = 3) {
-  std::ostringstream text;
-  text.precision(digits);
-  text << x;
-  return text.str();
-}
+std::string number(double x, int digits = 3) { return format({std::chars_format::general, digits}, x); }
 
 // A problem under the geometric law that gives its samples this tail index.
 struct Regime {

@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
+#include <string>
 
 #include <debias/core/stream.hpp>
+
+#include "core/text.hpp"
 
 namespace debias::catalog {
 namespace {
@@ -50,12 +52,10 @@ bool is_refused(const Problem& problem, const Choice& choice) {
 }
 
 std::string refusal(const Rates& rates) {
-  std::ostringstream text;
-  const char* base = rates.decay == Decay::geometric ? "2^(" : "k^(";
-  const char* k = rates.decay == Decay::geometric ? " k)" : ")";
-  text << "no law has both finite variance and finite work: E D_k^2 ~ " << base << -rates.variance << k << ", work ~ "
-       << base << rates.work << k;
-  return text.str();
+  const std::string base = rates.decay == Decay::geometric ? "2^(" : "k^(";
+  const std::string k = rates.decay == Decay::geometric ? " k)" : ")";
+  return "no law has both finite variance and finite work: E D_k^2 ~ " + base + format("%g", -rates.variance) + k +
+         ", work ~ " + base + format("%g", rates.work) + k;
 }
 
 bool is_baseline(const Choice& choice) { return choice.special.empty() && choice.method == Method::truncated; }
@@ -66,14 +66,12 @@ double rounding_bound(double size) { return 16 * std::numeric_limits<double>::ep
 // Says that the samples cannot see the answer, when a kurtosis does.
 void check_power(Cell& cell, double kurtosis, const std::string& source, std::int64_t samples) {
   if (!(draws_per_kurtosis * kurtosis > static_cast<double>(samples))) return;
-  std::ostringstream text;
-  text << source;
-  if (std::isfinite(kurtosis)) {
-    text << " a kurtosis of " << static_cast<std::int64_t>(kurtosis) << ", which asks for "
-         << static_cast<std::int64_t>(draws_per_kurtosis * kurtosis) << " samples";
-  }
   cell.status = Status::underpowered;
-  cell.reason = text.str();
+  cell.reason = source;
+  if (std::isfinite(kurtosis)) {
+    cell.reason += " a kurtosis of " + std::to_string(static_cast<std::int64_t>(kurtosis)) + ", which asks for " +
+                   std::to_string(static_cast<std::int64_t>(draws_per_kurtosis * kurtosis)) + " samples";
+  }
 }
 
 // Kurtosis of the weighted differences, from E D^2 / p and E D^4 / p^3 over the levels that the run will reach;

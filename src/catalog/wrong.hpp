@@ -74,7 +74,7 @@ struct LevelFromItsOwnDraws {
   S sequence;
   Geometric law;
   Sample<double> operator()(Stream& rng) const {
-    Stream own = rng;
+    Stream own(rng);
     const std::int64_t level = 1 + law.sample(rng.uniform());
     Stream base = split_level(own, 0);
     const auto draw = sequence(level, own);

@@ -48,7 +48,12 @@ struct Arguments {
   std::string scene = "sphere";
   std::string file;
   std::string column;
-  std::string format = "text";
+  std::string format = "auto";
+  std::string separator = "auto";
+  std::string decimal = ".";
+  bool header = false;
+  bool no_header = false;
+  bool strict = false;
   bool json = false;
   bool csv = false;
   bool compare = false;

@@ -135,6 +135,7 @@ int go_on(KeptRun run, const Arguments& how, const std::string& path, const std:
       const auto [first, last] = range_of(asked, samples);
       plan.first = first;
       plan.samples = last - first;
+      plan.whole = samples;
     }
     if (advice != nullptr) spell_out(run.words, choice);
     if (!writer) return;

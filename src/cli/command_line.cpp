@@ -241,12 +241,31 @@ std::optional<Command> read_command_line(int argc, const char* const* argv) {
       add(6, "diagnose", diagnose, "Mean, error, tails and a verdict on the variance of numbers from a file",
           "  debias diagnose samples.txt\n"
           "  debias diagnose table.csv --column flux --json\n"
+          "  debias diagnose tabelle.csv --decimal , --column Wert\n"
+          "  debias diagnose array.npy --column 2\n"
           "  simulation | debias diagnose - --format f64");
   Arguments& diagnosed = commands[6].arguments;
-  diagnose_app.add_option("FILE", diagnosed.file, "One number a row, or CSV with a header; - is standard input")
+  diagnose_app
+      .add_option("FILE", diagnosed.file,
+                  "One number a row, a table, or .npy of NumPy; rows that begin with # are comments; - is standard "
+                  "input")
       ->required();
   diagnose_app.add_option("--column", diagnosed.column, "Name, or number from 1")->type_name("C");
-  diagnose_app.add_option("--format", diagnosed.format, "text, or f64: little-endian doubles")->type_name("F");
+  diagnose_app
+      .add_option(
+          "--format", diagnosed.format,
+          "text or npy, or raw numbers: f64, f32 (little-endian), f64be, f32be (big-endian); auto is npy by its "
+          "first bytes, else text")
+      ->type_name("F");
+  diagnose_app
+      .add_option("--separator", diagnosed.separator,
+                  "Between fields: comma, semicolon, tab, space (any run of blanks), or a character; auto looks")
+      ->type_name("S");
+  diagnose_app.add_option("--decimal", diagnosed.decimal, "The decimal mark: . or ,")->type_name("D");
+  diagnose_app.add_flag("--header", diagnosed.header, "The first row is names, whatever it looks like");
+  diagnose_app.add_flag("--no-header", diagnosed.no_header, "The first row is values, whatever it looks like");
+  diagnose_app.add_flag("--strict", diagnosed.strict,
+                        "Refuse a file of which a row would be left out, or of which something is in doubt");
   add_output(diagnose_app, diagnosed);
 
   CLI::App& render_app = *app.add_subcommand("render", "Images that show bias, noise and heavy tails");

@@ -18,6 +18,7 @@
 
 #include "../catalog.hpp"
 #include "../catalog/validation.hpp"
+#include "../numbers/numbers.hpp"
 #include "arguments.hpp"
 
 namespace debias::cli {
@@ -136,31 +137,36 @@ struct SurveyOf {
   Survey survey;
 };
 
-struct BadRow {
-  std::int64_t row = 0;
-  std::string reason;
+/// Mean and standard error of the first values.
+struct RunningMean {
+  std::int64_t count = 0;
+  double mean = 0;
+  double standard_error = 0;  ///< NaN of one value
 };
 
-/// All that `diagnose` has to say. Rows are numbered from 1, header and bad ones included.
+/// All that `diagnose` has to say.
 struct Diagnosis {
   std::string file;
-  std::string column;        ///< its name in the header, if there is one
+  numbers::Report read;      ///< by default an array of doubles
   std::string unit = "row";  ///< what the values are counted by
+  /// Moments, tails and block means are those of the values times 2^-scale: no square over- or underflows. All else is
+  /// in the unit of the values.
+  int scale = 0;
   Moments moments;
+  std::vector<double> upper_tail;
+  std::vector<double> lower_tail;
+  double mean = 0;
+  double standard_error = 0;  ///< NaN of one value
   Interval interval;
   std::vector<double> block_means;
   std::int64_t block_length = 1;
   Interval block_interval;
-  BiasedEstimate robust;         ///< no groups: too few values
-  std::vector<Moments> running;  ///< after 2, 4, 8, ... values, and at the end
-  std::vector<double> upper_tail;
-  std::vector<double> lower_tail;
+  BiasedEstimate robust;             ///< no groups: too few values
+  std::vector<RunningMean> running;  ///< after 2, 4, 8, ... values, and at the end
   std::vector<LargeSample> largest;  ///< the index is a row
   RunVerdict verdict;
   std::int64_t nonfinite = 0;
   std::int64_t first_nonfinite = 0;
-  std::int64_t bad_rows = 0;
-  std::vector<BadRow> first_bad_rows;
   std::vector<std::string> warnings;
 };
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cerrno>
 #include <cmath>
 #include <cstddef>
@@ -31,8 +30,6 @@
 
 namespace debias::cli {
 namespace {
-
-constexpr std::size_t buffer_size = std::size_t{1} << 20;  // also the longest row
 
 /// Bytes of a file or of standard input.
 class Source {
@@ -70,216 +67,6 @@ class Source {
   int file_ = STDIN_FILENO;
 };
 
-void add_bad_row(Diagnosis& d, std::int64_t row, const std::string& reason) {
-  constexpr std::size_t named = 5;
-  ++d.bad_rows;
-  if (d.first_bad_rows.size() < named) d.first_bad_rows.push_back({row, reason});
-}
-
-std::string_view trimmed(std::string_view text) {
-  const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  if (text.size() > 1 && text.front() == '"' && text.back() == '"') text = text.substr(1, text.size() - 2);
-  return text;
-}
-
-/// Takes the text up to the next comma that is not between quotes; false when there is none left.
-bool take_field(std::string_view& rest, std::string_view& field) {
-  if (rest.data() == nullptr) return false;
-  bool quoted = false;
-  std::size_t end = 0;
-  while (end < rest.size() && (quoted || rest[end] != ',')) quoted = quoted != (rest[end++] == '"');
-  field = trimmed(rest.substr(0, end));
-  rest = end < rest.size() ? rest.substr(end + 1) : std::string_view();
-  return true;
-}
-
-std::string_view field_of(std::string_view line, std::size_t column) {
-  std::string_view field;
-  for (std::size_t i = 0; i <= column; ++i) {
-    if (!take_field(line, field)) return {};
-  }
-  return field;
-}
-
-/// nan, inf and infinity, as programs write them.
-double not_finite(std::string_view text) {
-  std::string word;
-  for (const char c : text.substr(0, 10)) word += static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-  const bool negative = word.starts_with('-');
-  if (negative || word.starts_with('+')) word.erase(0, 1);
-  if (word == "nan") return std::numeric_limits<double>::quiet_NaN();
-  const double infinity = std::numeric_limits<double>::infinity();
-  return word == "inf" || word == "infinity" ? (negative ? -infinity : infinity) : 0;
-}
-
-/// Rows of text, one number each or a column of a table.
-class Table {
- public:
-  Table(const Arguments& arguments, Diagnosis& diagnosis) : column_(arguments.column), d_(diagnosis) {}
-
-  void add_row(std::string_view line) {
-    ++row_;
-    if (trimmed(line).empty()) {  // a fault only if something follows
-      if (blanks_++ == 0) first_blank_ = row_;
-      return;
-    }
-    add_blanks();
-    if (!started_ && start(line)) return;
-    add_value(single_ ? trimmed(line) : field_of(line, index_));
-  }
-  void add_long_row() {
-    ++row_;
-    add_blanks();
-    add_bad_row(d_, row_, "longer than " + std::to_string(buffer_size) + " bytes");
-  }
-  Sums& sums() { return sums_; }
-
- private:
-  void add_blanks() {
-    for (; blanks_ > 0; --blanks_) add_bad_row(d_, first_blank_++, "empty");
-  }
-
-  // The first row: is it a header, and which column is meant? True when it has been dealt with.
-  bool start(std::string_view line) {
-    started_ = true;
-    if (line.starts_with("\xef\xbb\xbf")) line.remove_prefix(3);
-    std::vector<std::string> names;
-    std::string_view rest = line;
-    for (std::string_view field; take_field(rest, field);) names.emplace_back(field.substr(0, 40));
-    single_ = names.size() == 1;
-    if (column_.empty() && !single_) {
-      throw std::invalid_argument("--column (" + std::to_string(names.size()) +
-                                  " columns); write --column with one of: " + listed(names));
-    }
-    const bool has_header = std::all_of(names.begin(), names.end(), [](const std::string& name) {
-      return not_finite(name) == 0 && name.find_first_of("+-.0123456789") != 0;
-    });
-    if (!column_.empty()) index_ = find_column(names, has_header);
-    if (has_header) {
-      d_.column = names[index_];
-    } else {
-      add_value(field_of(line, index_));
-    }
-    return true;
-  }
-
-  std::size_t find_column(const std::vector<std::string>& names, bool has_header) const {
-    const auto name = std::find(names.begin(), names.end(), column_);
-    if (has_header && name != names.end()) return static_cast<std::size_t>(name - names.begin());
-    if (column_.find_first_not_of("0123456789") == column_.npos) {
-      return static_cast<std::size_t>(parse_count(column_, "--column", 1, names.size()) - 1);
-    }
-    const std::vector<std::string_view> views(names.begin(), names.end());
-    throw std::invalid_argument("--column = '" + column_ + "' (" +
-                                (has_header ? "no such column" : "the first row is no header") + "); write " +
-                                (has_header ? "one of: " + listed(names) : "a number from 1") +
-                                (has_header ? suggestion(column_, views) : ""));
-  }
-
-  static std::string listed(const std::vector<std::string>& names) {
-    std::string text;
-    for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 10); ++i) text += (i > 0 ? ", " : "") + names[i];
-    return names.size() > 10 ? text + ", ..." : text;
-  }
-
-  void add_value(std::string_view field) {
-    double x = 0;
-    try {
-      x = parse_double(field, "");
-    } catch (const std::invalid_argument& e) {
-      x = not_finite(field);
-      if (x == 0) return add_bad_row(d_, row_, reason(field, e.what()));
-    }
-    sums_.add(x, row_);
-  }
-
-  static std::string reason(std::string_view field, std::string_view what) {
-    if (field.empty()) return "empty";
-    const std::size_t open = what.rfind(" (");
-    const std::size_t close = what.rfind("); ");
-    const std::string why(what.substr(open + 2, close - open - 2));
-    std::string shown(field.substr(0, 40));
-    for (char& c : shown) c = static_cast<unsigned char>(c) < ' ' || c == '\x7f' ? '?' : c;
-    return "'" + shown + (field.size() > 40 ? "...': not a number" : "': " + why);
-  }
-
-  std::string column_;
-  Diagnosis& d_;
-  Sums sums_;
-  std::int64_t row_ = 0;
-  std::int64_t blanks_ = 0;  // rows in a row
-  std::int64_t first_blank_ = 0;
-  bool started_ = false;
-  bool single_ = true;
-  std::size_t index_ = 0;
-};
-
-Diagnosis read_text(Source& source, const Arguments& arguments) {
-  Diagnosis d;
-  Table table(arguments, d);
-  std::vector<char> buffer(buffer_size);
-  std::size_t kept = 0;
-  bool skipping = false;  // the rest of a row that did not fit
-  while (true) {
-    const std::size_t n = source.read(std::span(buffer).subspan(kept));
-    std::string_view text(buffer.data(), kept + n);
-    const bool at_end = kept + n < buffer.size();
-    while (!text.empty()) {
-      const std::size_t end = text.find('\n');
-      if (end == text.npos && !at_end) break;
-      if (!std::exchange(skipping, false)) table.add_row(text.substr(0, end));
-      text.remove_prefix(end == text.npos ? text.size() : end + 1);
-    }
-    if (at_end) break;
-    if (text.size() == buffer.size()) {
-      if (!std::exchange(skipping, true)) table.add_long_row();
-      text = {};
-    } else if (skipping) {
-      text = {};
-    }
-    kept = text.size();
-    std::copy(text.begin(), text.end(), buffer.begin());  // forwards: they may overlap
-  }
-  table.sums().finish(d);
-  return d;
-}
-
-bool is_ordinary(double x) { return x == 0 || (std::abs(x) > 1e-60 && std::abs(x) < 1e60); }
-
-Diagnosis read_doubles(Source& source) {
-  Diagnosis d;
-  Sums sums;
-  std::int64_t odd = 0;
-  std::int64_t odd_if_swapped = 0;
-  std::vector<char> buffer(buffer_size);
-  std::int64_t row = 0;
-  while (true) {
-    const std::size_t n = source.read(buffer);
-    for (std::size_t i = 0; i + 8 <= n; i += 8) {
-      std::uint64_t bits = 0;
-      std::memcpy(&bits, buffer.data() + i, 8);
-      if constexpr (std::endian::native == std::endian::big) bits = __builtin_bswap64(bits);
-      sums.add(std::bit_cast<double>(bits), ++row);
-      odd += !is_ordinary(std::bit_cast<double>(bits));
-      odd_if_swapped += !is_ordinary(std::bit_cast<double>(__builtin_bswap64(bits)));
-    }
-    if (n == buffer.size()) continue;
-    if (n % 8 != 0) {
-      add_bad_row(d, row + 1, std::to_string(n % 8) + " bytes at the end are no double");
-    }
-    break;
-  }
-  sums.finish(d);
-  if (2 * odd > row && 2 * odd_if_swapped < row) {
-    d.warnings.push_back(std::to_string(odd) + " values lie beyond 1e-60 ... 1e60, and " +
-                         std::to_string(odd_if_swapped) +
-                         " would in the other byte order: the file may be big-endian.");
-  }
-  return d;
-}
-
 std::string figure(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
 
 std::string text_of(const TailIndex& tail) {
@@ -294,32 +81,183 @@ std::string text_of(const TailIndex& tail) {
 void judge_blocks(Diagnosis& d) {
   constexpr double limit = 1.5;
   constexpr std::size_t fewest_blocks = 32;
-  if (d.block_means.size() < 2) return;
-  d.block_interval = batch_interval(d.block_means);
   if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
   const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
-  if (ratio < limit) return;
+  if (!(ratio >= limit)) return;
   d.warnings.push_back("the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " +
                        rounded(limit) +
                        "): values depend on their neighbours, so the standard error is too small; take the blocks.");
 }
 
+// What is in doubt of the reading, and the words that settle it.
+std::string advice_on(numbers::Cause cause) {
+  using numbers::Cause;
+  switch (cause) {
+    case Cause::request:
+      return "leave it out, or write --format text";
+    case Cause::which_column:
+      return "write --column with a name or a number; where commas are decimal marks, --decimal ,";
+    case Cause::no_column:
+      return "write --column with a name of the header or a number from 1; --header makes the first row one";
+    case Cause::doubled_name:
+      return "write --column with a number from 1";
+    case Cause::ragged:
+      return "mend that row, or name the separator by --separator, and decimal commas by --decimal ,";
+    case Cause::decimal_comma:
+      return "write --decimal , if it is the decimal mark";
+    case Cause::decimal_point:
+      return "leave --decimal out, or mend that row";
+    case Cause::thousands:
+      return "write the numbers without them";
+    case Cause::encoding:
+      return "convert it: iconv -f UTF-16 -t UTF-8 (or UTF-32)";
+    case Cause::packed:
+      return "unpack it first, such as by gunzip -c FILE | debias diagnose -, or of an archive the one file";
+    case Cause::other_format:
+      return "export the numbers as CSV, or as .npy";
+    case Cause::npy:
+      return "leave --format out, or write --format npy";
+    case Cause::complex:
+      return "save the real part, the imaginary part or the modulus";
+    case Cause::unsupported:
+      return "save one column of real numbers, such as numpy.save(FILE, x.ravel().astype(float))";
+    case Cause::corrupt:
+      return "write it again";
+    case Cause::left_out:
+      return "mend it, or leave --strict out";
+    case Cause::header:
+      return "write --header or --no-header";
+    case Cause::byte_order:
+      return "write --format f64be or f32be for big-endian numbers";
+    case Cause::rounded:
+      return "save differences from a common offset if the last digits matter";
+  }
+  return "";
+}
+
+bool is_of_the_request(numbers::Cause cause) {
+  using numbers::Cause;
+  return cause == Cause::request || cause == Cause::which_column || cause == Cause::no_column ||
+         cause == Cause::doubled_name;
+}
+
+numbers::Request request_of(const Arguments& arguments) {
+  using numbers::Format;
+  struct Word {
+    std::string_view name;
+    Format format;
+    numbers::ByteOrder order;
+  };
+  constexpr auto little = numbers::ByteOrder::little;
+  constexpr auto big = numbers::ByteOrder::big;
+  constexpr std::array words = {Word{"auto", Format::automatic, little}, Word{"text", Format::text, little},
+                                Word{"npy", Format::npy, little},        Word{"f64", Format::f64, little},
+                                Word{"f32", Format::f32, little},        Word{"f64be", Format::f64, big},
+                                Word{"f32be", Format::f32, big}};
+  numbers::Request request;
+  const auto word = std::find_if(words.begin(), words.end(), [&](const Word& w) { return w.name == arguments.format; });
+  if (word == words.end()) {
+    std::vector<std::string_view> names;
+    for (const Word& w : words) names.push_back(w.name);
+    throw std::invalid_argument("--format = '" + arguments.format +
+                                "' (must be text, npy, f64, f32, f64be, f32be or auto)" +
+                                suggestion(arguments.format, names));
+  }
+  request.format = word->format;
+  request.order = word->order;
+  request.column = arguments.column;
+
+  const std::string& s = arguments.separator;
+  constexpr std::array<std::pair<std::string_view, char>, 6> separators = {
+      {{"auto", '\0'}, {"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}, {"\\t", '\t'}}};
+  const auto named = std::find_if(separators.begin(), separators.end(), [&](const auto& p) { return p.first == s; });
+  if (named != separators.end()) {
+    request.separator = named->second;
+  } else if (s.size() == 1 && s.find_first_not_of(",;\t |:/&~^!$") == s.npos) {
+    request.separator = s[0];
+  } else {
+    constexpr std::array<std::string_view, 5> names = {"auto", "comma", "semicolon", "tab", "space"};
+    throw std::invalid_argument("--separator = '" + s +
+                                "' (must be comma, semicolon, tab, space, auto, or a character such as |)" +
+                                suggestion(s, names));
+  }
+  if (arguments.decimal != "." && arguments.decimal != ",") {
+    throw std::invalid_argument("--decimal = '" + arguments.decimal + "' (must be . or ,)");
+  }
+  request.decimal = arguments.decimal[0];
+  if (arguments.header && arguments.no_header) {
+    throw std::invalid_argument("--header and --no-header (contradict each other); leave one out");
+  }
+  request.header = arguments.header      ? numbers::Header::yes
+                   : arguments.no_header ? numbers::Header::no
+                                         : numbers::Header::guess;
+  request.strict = arguments.strict;
+  return request;
+}
+
+// ", of big-endian float32", ", columns by ';'": what was taken for what.
+std::string text_of(const numbers::Report& r) {
+  using numbers::Format;
+  const bool big = r.order == numbers::ByteOrder::big;
+  if (r.format == Format::npy) return ".npy, " + r.type;
+  if (r.format != Format::text) {
+    return std::string(big ? "big-endian" : "little-endian") +
+           (r.format == Format::f32 ? " 32-bit floats" : " doubles");
+  }
+  std::string text = "text, ";
+  if (r.separator == 0) {
+    text += "a number a row";
+  } else {
+    const std::string name = r.separator == '\t'  ? "tabs"
+                             : r.separator == ' ' ? "blanks"
+                                                  : std::string("'") + r.separator + "'";
+    text += "column " + std::to_string(r.column_number) + " of " + std::to_string(r.columns) + " between " + name +
+            (r.separator_guessed ? " (guessed)" : "");
+  }
+  std::string row = r.first_row.substr(0, 60);
+  for (char& c : row) c = static_cast<unsigned char>(c) < ' ' || c == '\x7f' ? ' ' : c;
+  text += r.header ? "; header: " + row : "; no header";
+  if (r.header_guessed) text += " (guessed)";
+  if (r.comments > 0) text += "; comments: " + std::to_string(r.comments);
+  return text;
+}
+
+// The sum of the rows that have a value, or should.
+std::string share_of_rows(const numbers::Report& r) {
+  return std::to_string(r.bad_rows) + " of " + std::to_string(r.bad_rows + r.values);
+}
+
+/// What no double holds is said in words.
+std::string end_of(double x) {
+  if (std::isnan(x)) return "unknown";
+  if (std::isinf(x)) return x > 0 ? "beyond 1.8e308" : "beyond -1.8e308";
+  return rounded(x, 8);
+}
+
+std::string text_of(const Interval& interval) {
+  return "95 % interval [" + end_of(interval.low) + ", " + end_of(interval.high) + "]";
+}
+
 }  // namespace
 
 double square_share(const Diagnosis& d, double value) {
-  return (value - d.moments.mean) * (value - d.moments.mean) / d.moments.m2;
+  const double distance = std::ldexp(value, -d.scale) - d.moments.mean;
+  return distance * distance / d.moments.m2;
 }
 
 namespace {
 
 void print_values(std::ostream& out, const Diagnosis& d) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const Moments& m = d.moments;
-  print_line(out, "file", d.file + (d.column.empty() ? "" : ", column " + d.column));
-  print_line(out, "values", std::to_string(m.count));
+  const numbers::Report& r = d.read;
   const auto at = [&d](std::int64_t row) { return d.unit + " " + std::to_string(row); };
-  if (d.bad_rows > 0) print_line(out, "bad rows", std::to_string(d.bad_rows) + ", left out of everything below");
-  for (const BadRow& bad : d.first_bad_rows) print_line(out, "", at(bad.row) + ": " + bad.reason);
+  if (r.bad_rows > 0) {
+    print_line(out, "bad rows", share_of_rows(r) + " hold no number; everything below is without them");
+    for (const numbers::BadRow& bad : r.first_bad_rows) print_line(out, "", at(bad.row) + ": " + bad.reason);
+  }
+  print_line(out, "file", d.file + (r.column.empty() ? "" : ", column " + r.column));
+  print_line(out, "read as", text_of(r));
+  print_line(out, "values", std::to_string(m.count));
   if (d.nonfinite > 0) {
     print_line(out, "mean",
                "not a number: " + std::to_string(d.nonfinite) + " values are not finite, the first in " +
@@ -327,13 +265,12 @@ void print_values(std::ostream& out, const Diagnosis& d) {
     return;
   }
   const RunVerdict& v = d.verdict;
-  const double error = m.standard_error();
   const char* doubt = v.interval_reliable() ? "" : " (unreliable, see verdict)";
+  const std::string rest = r.bad_rows > 0 ? " (without " + std::to_string(r.bad_rows) + " bad rows)" : "";
   print_line(out, "mean",
-             std::isfinite(error) && error > 0
-                 ? with_error(m.mean, error) + "   95 % interval [" + rounded(d.interval.low, 8) + ", " +
-                       rounded(d.interval.high, 8) + "]" + doubt
-                 : to_text(m.mean));
+             m.count > 1 && d.standard_error > 0
+                 ? with_error(d.mean, d.standard_error) + rest + "   " + text_of(d.interval) + doubt
+                 : to_text(d.mean) + rest);
   if (m.count < 2) {
     print_line(out, "warning", "one value has no standard error.");
     return;
@@ -342,14 +279,11 @@ void print_values(std::ostream& out, const Diagnosis& d) {
     print_line(out, "verdict", "all values are equal: there is no variance to judge.");
     return;
   }
-  if (!std::isfinite(m.m2)) {
-    print_line(out, "warning", "squares of these values overflow, so there is no standard error; scale them.");
-    return;
+  if (!d.block_means.empty()) {
+    print_line(out, "in blocks",
+               text_of(d.block_interval) + " by " + std::to_string(d.block_means.size()) + " means of " +
+                   std::to_string(d.block_length) + " neighbours, t quantiles");
   }
-  print_line(out, "in blocks",
-             "95 % interval [" + rounded(d.block_interval.low, 8) + ", " + rounded(d.block_interval.high, 8) + "] by " +
-                 std::to_string(d.block_means.size()) + " means of " + std::to_string(d.block_length) +
-                 " neighbours, t quantiles");
   if (d.robust.groups > 0) {
     print_line(out, "robust",
                rounded(d.robust.value, 8) + " (median of " + std::to_string(d.robust.groups) +
@@ -368,10 +302,10 @@ void print_values(std::ostream& out, const Diagnosis& d) {
   }
   print_line(out, "running", "values, mean, standard error:");
   std::vector<Row> rows;
-  for (const Moments& r : d.running) {
-    if (r.count < 16 && r.count < m.count) continue;
-    const double e = r.count > 1 ? r.standard_error() : nan;
-    rows.push_back({std::string(12, ' '), std::to_string(r.count), rounded(r.mean, 8), figure(e, 3)});
+  for (const RunningMean& mean : d.running) {
+    if (mean.count < 16 && mean.count < m.count) continue;
+    rows.push_back(
+        {std::string(12, ' '), std::to_string(mean.count), rounded(mean.mean, 8), figure(mean.standard_error, 3)});
   }
   print_table(out, rows);
   name = "verdict";
@@ -381,7 +315,83 @@ void print_values(std::ostream& out, const Diagnosis& d) {
   }
 }
 
+// Values in [2^-100, 2^100] are left as they are: fourth powers of these, and of their differences, are doubles.
+int scale_for(int exponent) { return std::abs(exponent) <= 100 ? 0 : exponent; }
+
+Interval scaled(const Interval& interval, int exponent) {
+  return {std::ldexp(interval.low, exponent) + 0.0, std::ldexp(interval.high, exponent) + 0.0, interval.confidence};
+}
+
 }  // namespace
+
+// A power of two changes no digit. It follows the largest value seen: what becomes too small to count beside it could
+// not be seen beside it either.
+void Sums::choose_scale(std::span<const double> values) {
+  double largest = largest_;
+  for (const double x : values) {
+    const double size = std::abs(x);
+    if (size > largest && size <= std::numeric_limits<double>::max()) largest = size;
+  }
+  if (!(largest > largest_)) return;
+  const bool first = largest_ == 0;  // only zeros so far
+  largest_ = largest;
+  const int wanted = scale_for(std::ilogb(largest));
+  if (!first && std::ilogb(largest) - scale_ <= 100) return;
+  const int change = std::exchange(scale_, wanted) - wanted;
+  if (change == 0) return;
+  moments_.mean = std::ldexp(moments_.mean, change);
+  moments_.m2 = std::ldexp(moments_.m2, 2 * change);
+  moments_.m3 = std::ldexp(moments_.m3, 3 * change);
+  moments_.m4 = std::ldexp(moments_.m4, 4 * change);
+  blocks_.scale(change);
+}
+
+void Sums::flush() {
+  std::span<const double> values = std::span(block_).first(filled_);
+  extremes_.add(values, std::span(no_levels_).first(filled_), first_row_);
+  choose_scale(values);
+  if (scale_ != 0) {
+    for (double& x : std::span(block_).first(filled_)) x = std::ldexp(x, -scale_);
+  }
+  for (const double x : values) blocks_.add(x);
+  while (!values.empty()) {  // stop at each doubling
+    const auto room = static_cast<std::size_t>(next_ - moments_.count);
+    const auto part = values.first(std::min(values.size(), room));
+    moments_.merge(Moments::of(part));
+    values = values.subspan(part.size());
+    if (moments_.count < next_) continue;
+    running_.push_back(
+        {moments_.count, std::ldexp(moments_.mean, scale_), std::ldexp(moments_.standard_error(), scale_)});
+    next_ *= 2;
+  }
+  filled_ = 0;
+}
+
+void Sums::finish(Diagnosis& d) {
+  flush();
+  d.scale = scale_;
+  d.moments = moments_;
+  d.mean = std::ldexp(moments_.mean, scale_);
+  d.standard_error = std::ldexp(moments_.standard_error(), scale_);
+  d.running = std::move(running_);
+  const bool at_the_end = !d.running.empty() && d.running.back().count == moments_.count;
+  if (!at_the_end && moments_.count > 0) d.running.push_back({moments_.count, d.mean, d.standard_error});
+  d.upper_tail = extremes_.upper_tail();
+  d.lower_tail = extremes_.lower_tail();
+  for (std::vector<double>* tail : {&d.upper_tail, &d.lower_tail}) {
+    if (scale_ == 0) continue;
+    constexpr double nothing = 1e-290;  // beside values near 1; what is left of digits here has no shape
+    for (double& x : *tail) {
+      x = std::ldexp(x, -scale_);
+      if (std::abs(x) < nothing) x = 0;
+    }
+  }
+  d.largest = extremes_.largest();
+  d.nonfinite = extremes_.nonfinite();
+  d.first_nonfinite = extremes_.first_nonfinite();
+  d.block_means = blocks_.means();
+  d.block_length = blocks_.length();
+}
 
 void print(std::ostream& out, const Diagnosis& d) {
   print_values(out, d);
@@ -391,34 +401,58 @@ void print(std::ostream& out, const Diagnosis& d) {
 void conclude(Diagnosis& d) {
   if (d.nonfinite > 0 || d.moments.count < 2) return;
   d.interval = interval_of(d.moments);
+  if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);
   d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
   if (d.moments.m2 > 0) judge_blocks(d);
   const auto values = std::span<const double>(d.block_means);
-  if (values.size() >= 24) d.robust = median_of_means(values);
+  if (values.size() >= 24) {
+    d.robust = median_of_means(values);
+    d.robust.value = std::ldexp(d.robust.value, d.scale);
+  }
+  for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
+  d.interval = scaled(d.interval, d.scale);
+  d.block_interval = scaled(d.block_interval, d.scale);
 }
 
+namespace {
+
+Diagnosis read_file(Source& source, const numbers::Request& request) {
+  Diagnosis d;
+  Sums sums;
+  try {
+    d.read = numbers::read([&source](std::span<char> bytes) { return source.read(bytes); }, request,
+                           [&sums](std::span<const double> values, std::int64_t row) { sums.add(values, row); });
+  } catch (const numbers::Error& e) {
+    const std::string what = source.name() + ": " + e.what() + "; " + advice_on(e.cause());
+    if (is_of_the_request(e.cause())) throw std::invalid_argument(what);
+    throw FileError(what);
+  }
+  sums.finish(d);
+  for (const numbers::Doubt& doubt : d.read.doubts) {
+    d.warnings.push_back(doubt.text + "; " + advice_on(doubt.cause) + ".");
+  }
+  return d;
+}
+
+std::string first_bad_row(const Diagnosis& d) {
+  const numbers::BadRow& bad = d.read.first_bad_rows.front();
+  return d.unit + " " + std::to_string(bad.row) + ": " + bad.reason;
+}
+
+}  // namespace
+
 int diagnose(const Arguments& arguments) {
-  const bool is_text = arguments.format == "text";
-  if (!is_text && arguments.format != "f64") {
-    constexpr std::array<std::string_view, 2> formats = {"text", "f64"};
-    throw std::invalid_argument("--format = '" + arguments.format + "' (must be text or f64)" +
-                                suggestion(arguments.format, formats));
-  }
-  if (!is_text && !arguments.column.empty()) {
-    throw std::invalid_argument("--column (a file of doubles has none); leave it out, or --format text");
-  }
+  const numbers::Request request = request_of(arguments);
   keep_apart(arguments.output, arguments.file);
   Source source(arguments.file);
   Output out(arguments.output);
-  Diagnosis d = is_text ? read_text(source, arguments) : read_doubles(source);
+  Diagnosis d = read_file(source, request);
   d.file = arguments.file == "-" ? source.name() : arguments.file;
-  if (!is_text) d.unit = "value";
+  if (d.read.format != numbers::Format::text) d.unit = "value";
+  const std::string bad_rows = std::to_string(d.read.bad_rows) + " bad rows";
   if (d.moments.count == 0) {
     std::string why = source.name() + ": no value";
-    if (d.bad_rows > 0) {
-      why += ", " + std::to_string(d.bad_rows) + " bad rows; " + d.unit + " " +
-             std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason;
-    }
+    if (d.read.bad_rows > 0) why += ", " + bad_rows + "; " + first_bad_row(d);
     throw FileError(why);
   }
   conclude(d);
@@ -428,16 +462,13 @@ int diagnose(const Arguments& arguments) {
     print(out.stream(), d);
   }
   out.flush();
-  if (d.bad_rows > 0) {
-    complain(source.name() + ": " + std::to_string(d.bad_rows) + " bad rows, the first is " + d.unit + " " +
-             std::to_string(d.first_bad_rows.front().row) + ": " + d.first_bad_rows.front().reason);
-  }
+  if (d.read.bad_rows > 0) complain(source.name() + ": " + bad_rows + ", the first is " + first_bad_row(d));
   if (d.nonfinite > 0) {
     complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " + d.unit +
              " " + std::to_string(d.first_nonfinite));
     return nonfinite_samples;
   }
-  return d.bad_rows > 0 ? file_error : done;
+  return d.read.bad_rows > 0 ? file_error : done;
 }
 
 }  // namespace debias::cli

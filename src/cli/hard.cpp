@@ -15,7 +15,7 @@ namespace {
 
 const Row header = {"case", "hard by", "truth", "error", "std error", "lost", "status", "the result says"};
 
-std::string figure(double x) { return std::isnan(x) ? "nan" : rounded(x, 2); }
+std::string figure(double x) { return std::isnan(x) ? "unknown" : rounded(x, 2); }
 
 Row row_of(const catalog::HardCell& cell) {
   Row row = {cell.group, cell.parameter, rounded(cell.truth, 3)};
@@ -70,9 +70,9 @@ int validate_hard(const Arguments& arguments) {
     out.stream() << hard_summary_json(report, plan) << '\n';
   } else {
     out.stream() << '\n'
-                 << report.cells.size() << " cases, " << report.failed << " wrong without a word; " << plan.samples
-                 << " samples each, seed " << plan.seed << "; threshold " << rounded(report.threshold, 3)
-                 << " standard errors\n";
+                 << std::to_string(report.cells.size()) << " cases, " << std::to_string(report.failed)
+                 << " wrong without a word; " << std::to_string(plan.samples) << " samples each, seed "
+                 << std::to_string(plan.seed) << "; threshold " << rounded(report.threshold, 3) << " standard errors\n";
   }
   out.flush();
   if (report.failed == 0) return done;

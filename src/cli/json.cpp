@@ -77,6 +77,7 @@ Json advice_json(const Advice& a) {
           {"bound", number(a.bound)},
           {"highest_moment", number(a.highest_moment)},
           {"pilot_work", number(a.pilot_work)},
+          {"price", number(a.price)},
           {"law_exists", name_of(a.survey.law_exists)},
           {"grade", name_of(a.survey.grade)},
           {"rates", rates_json(a.survey.rates)},
@@ -137,6 +138,18 @@ Json evidence_json(const RunVerdict& v) {
           {"samples_needed", number(v.samples_needed)},
           {"rate", number(v.rate)},
           {"sentences", v.sentences()}};
+}
+
+Json coupling_json(const Coupling& c) {
+  const bool compared = c.state == Coupling::State::right || c.state == Coupling::State::wrong;
+  const auto level = [compared](std::int64_t k) { return compared ? Json(k) : Json(nullptr); };
+  const auto figure = [compared](double x) { return compared ? number(x) : Json(nullptr); };
+  return {{"state", name_of(c.state)},
+          {"first_level", level(c.first_level)},
+          {"last_level", level(c.last_level)},
+          {"level", level(c.level)},
+          {"z", figure(c.z)},
+          {"threshold", figure(c.threshold)}};
 }
 
 // For people and for diff: one line per entry of a list.
@@ -200,10 +213,13 @@ std::string run_json(const Run& run) {
                                     {"high", number(interval.high)}});
     }
   }
+  if (!s.name.empty()) json["name"] = s.name;
   json["bias_bound"] = {{"size", number(s.bias_bound.size)}, {"sentence", s.bias_bound.sentence}};
   json["samples"] = s.samples;
   json["work"] = number(s.work);
   json["seconds"] = s.seconds;
+  json["pilot_work"] = number(s.pilot_work);
+  json["pilot_seconds"] = s.pilot_seconds;
   json["efficiency"] = number(s.efficiency());
   json["seed"] = s.seed;
   json["truth"] = number(run.problem->truth);
@@ -213,6 +229,7 @@ std::string run_json(const Run& run) {
                      {"tail_index", number(run.verdict.tail_index)},
                      {"sentence", run.verdict.sentence}};
   if (s.nonfinite == 0 && s.samples > 1) json["evidence"] = evidence_json(s.verdict());
+  json["coupling"] = coupling_json(s.coupling);
   json["warnings"] = s.warnings;
   json["nonfinite"] = s.nonfinite;
   json["goal"] = goal_json(s);
@@ -256,11 +273,14 @@ std::string multilevel_json(const MultilevelRun& run) {
                {"mean", number(s.components.front().mean)},
                {"standard_error", number(s.components.front().standard_error)},
                {"bias", number(s.bias)},
-               {"goal", {{"error", s.goal}, {"met", s.converged}}},
+               {"goal", {{"error", s.goal}, {"met", s.goal_met()}}},
                {"alpha", number(s.alpha)},
                {"beta", number(s.beta)},
                {"work", number(s.work)},
                {"seconds", s.seconds},
+               {"pilot_work", number(s.pilot_work)},
+               {"pilot_seconds", s.pilot_seconds},
+               {"warnings", s.warnings},
                {"seed", s.seed},
                {"truth", number(run.problem->truth)}};
   json["levels"] = Json::array();
@@ -358,21 +378,51 @@ std::string survey_json(const SurveyOf& s) {
   return pretty(json);
 }
 
+namespace {
+
+// What was taken for what.
+Json read_json(const numbers::Report& r) {
+  using numbers::Format;
+  const bool text = r.format == Format::text;
+  const auto of_text = [text](Json value) { return text ? value : Json(nullptr); };
+  const char* separator = r.separator == '\t' ? "tab" : r.separator == ' ' ? "space" : nullptr;
+  const char* order = r.order == numbers::ByteOrder::big ? "big" : "little";
+  return {{"format", text                      ? "text"
+                     : r.format == Format::npy ? "npy"
+                     : r.format == Format::f32 ? "f32"
+                                               : "f64"},
+          {"byte_order", text ? Json(nullptr) : Json(order)},
+          {"type", r.type.empty() ? Json(nullptr) : Json(r.type)},
+          {"separator", r.separator == 0       ? Json(nullptr)
+                        : separator != nullptr ? Json(separator)
+                                               : Json(std::string(1, r.separator))},
+          {"separator_guessed", of_text(r.separator_guessed)},
+          {"columns", r.columns},
+          {"column", r.column_number},
+          {"header", r.header},
+          {"header_guessed", of_text(r.header_guessed)},
+          {"first_row", of_text(r.first_row)},
+          {"comments", r.comments}};
+}
+
+}  // namespace
+
 std::string diagnose_json(const Diagnosis& d) {
   const bool has_mean = d.nonfinite == 0;
   const bool has_error = has_mean && d.moments.count > 1;
-  const bool varies = has_error && d.moments.m2 > 0;  // infinite where squares overflow
-  Json json = {{"file", d.file}, {"column", d.column.empty() ? Json(nullptr) : Json(d.column)}};
-  json["values"] = d.moments.count;
-  json["bad_rows"] = d.bad_rows;
+  const bool varies = has_error && d.moments.m2 > 0;
+  Json json = {{"file", d.file}, {"column", d.read.column.empty() ? Json(nullptr) : Json(d.read.column)}};
+  json["bad_rows"] = d.read.bad_rows;
   json["first_bad_rows"] = Json::array();
-  for (const BadRow& bad : d.first_bad_rows) {
+  for (const numbers::BadRow& bad : d.read.first_bad_rows) {
     json["first_bad_rows"].push_back({{"row", bad.row}, {"reason", bad.reason}});
   }
+  json["read"] = read_json(d.read);
+  json["values"] = d.moments.count;
   json["nonfinite"] = d.nonfinite;
   json["first_nonfinite"] = d.nonfinite > 0 ? Json(d.first_nonfinite) : Json(nullptr);
-  json["mean"] = has_mean ? number(d.moments.mean) : Json(nullptr);
-  json["standard_error"] = has_error ? number(d.moments.standard_error()) : Json(nullptr);
+  json["mean"] = has_mean ? number(d.mean) : Json(nullptr);
+  json["standard_error"] = has_error ? number(d.standard_error) : Json(nullptr);
   json["interval"] = has_error ? interval_json(d.interval) : Json(nullptr);
   json["block_interval"] = varies ? interval_json(d.block_interval) : Json(nullptr);
   json["blocks"] = d.block_means.size();
@@ -386,19 +436,17 @@ std::string diagnose_json(const Diagnosis& d) {
                                {"share", varies ? number(square_share(d, l.value)) : Json(nullptr)}});
   }
   json["running"] = Json::array();
-  for (const Moments& r : d.running) {
+  for (const RunningMean& r : d.running) {
     if (!has_mean) break;
-    json["running"].push_back({{"values", r.count},
-                               {"mean", number(r.mean)},
-                               {"standard_error", r.count > 1 ? number(r.standard_error()) : Json(nullptr)}});
+    json["running"].push_back(
+        {{"values", r.count}, {"mean", number(r.mean)}, {"standard_error", number(r.standard_error)}});
   }
   json["warnings"] = d.warnings;
-  json["status"] = d.nonfinite > 0                ? "nonfinite"
-                   : d.bad_rows > 0               ? "bad_rows"
-                   : !has_error                   ? "one_sample"
-                   : !varies                      ? "zero_variance"
-                   : !std::isfinite(d.moments.m2) ? "overflow"
-                                                  : "ok";
+  json["status"] = d.nonfinite > 0       ? "nonfinite"
+                   : d.read.bad_rows > 0 ? "bad_rows"
+                   : !has_error          ? "one_sample"
+                   : !varies             ? "zero_variance"
+                                         : "ok";
   add_versions(json);
   return pretty(json);
 }

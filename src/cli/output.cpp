@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
@@ -16,6 +15,8 @@
 #include <utility>
 
 #include <debias/core/stream.hpp>
+
+#include "../core/text.hpp"
 
 namespace debias::cli {
 namespace {
@@ -176,11 +177,7 @@ std::string version_text() {
   return text;
 }
 
-std::string rounded(double x, int digits) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.*g", digits, x);
-  return text.data();
-}
+std::string rounded(double x, int digits) { return format({std::chars_format::general, digits}, x); }
 
 void print_row(std::ostream& out, const Row& row, const std::vector<std::size_t>& widths) {
   std::string line;

@@ -50,7 +50,7 @@ class Output {
   std::ofstream file_;
   bool emptied_ = false;
   std::uintmax_t written_ = 0;
-  std::ostringstream text_;
+  std::ostringstream text_;  // only texts
 };
 
 /// Throws std::invalid_argument where the result would take the place of a file that it is made from.

@@ -110,7 +110,8 @@ double mean_of(const render::Image& image) {
   return total / static_cast<double>(image.values.size());
 }
 
-int report(const Arguments& arguments, const Pictures& all) {
+int report(const Arguments& arguments, const Pictures& all, int fewer_threads) {
+  if (fewer_threads > 0 && !arguments.quiet) complain("warning: " + debias::detail::fewer_threads_text(fewer_threads));
   Output out;
   if (arguments.json) {
     out.stream() << render_json(all) << '\n';
@@ -251,6 +252,7 @@ int render_transmittance(const Arguments& arguments) {
     target.write("background", background_of(cloud, plan));
     if (!interrupted()) target.write(name, *reference);
   }
+  int fewer_threads = 0;
   for (const render::TransmittanceMethod* method : methods) {
     if (interrupted()) break;
     name = method->name;
@@ -263,6 +265,7 @@ int render_transmittance(const Arguments& arguments) {
     plan.saving = saving_in(session, name);
     progress.emplace(arguments.quiet);
     const render::Rendering r = render::render(cloud, *method, plan);
+    if (r.fewer_threads > 0) fewer_threads = r.fewer_threads;
     const render::Image image = transmittance_of(r, plan);
     arguments.compare ? target.write(name, image) : target.write(composed(background_of(cloud, plan), image));
     all.pictures.push_back(
@@ -273,7 +276,7 @@ int render_transmittance(const Arguments& arguments) {
   suspend_or_flush(session);
   all.complete = !interrupted();
   if (arguments.compare) target.write(all);
-  return report(arguments, all);
+  return report(arguments, all, fewer_threads);
 }
 
 int render_photons(const Arguments& arguments) {
@@ -312,6 +315,7 @@ int render_photons(const Arguments& arguments) {
   if (arguments.compare) reference = render::exact_irradiance(plan);
   std::string curves = "estimator,photons,passes,error\n";
   if (reference && !interrupted()) target.write(name, *reference);
+  int fewer_threads = 0;
   for (const render::PhotonMethod* method : methods) {
     if (interrupted()) break;
     name = method->name;
@@ -322,6 +326,7 @@ int render_photons(const Arguments& arguments) {
       part.photons = std::ceil(share * plan.photons);
       part.saving = saving_in(session, name + " " + to_text(part.photons));
       const render::PhotonRendering r = render::render(*method, part);
+      if (r.fewer_threads > 0) fewer_threads = r.fewer_threads;
       const double error = reference ? relative_error(r.image, *reference) : std::numeric_limits<double>::quiet_NaN();
       if (r.complete) {
         curves += name + "," + to_text(r.photons) + "," + std::to_string(r.passes) + "," + to_text(error) + "\n";
@@ -339,7 +344,7 @@ int render_photons(const Arguments& arguments) {
     target.write_text("curves.csv", curves);
     target.write(all);
   }
-  return report(arguments, all);
+  return report(arguments, all, fewer_threads);
 }
 
 }  // namespace debias::cli

@@ -191,8 +191,9 @@ int run_multilevel(const Arguments& arguments) {
     print(out.stream(), result);
   }
   out.flush();
-  if (result.statistics.converged) return done;
-  complain("the goal is missed: the levels are not enough");
+  if (result.statistics.goal_met()) return done;
+  complain(result.statistics.converged ? "the goal is missed: the error as measured is larger"
+                                       : "the goal is missed: the levels are not enough");
   return goal_missed;
 }
 
@@ -219,13 +220,15 @@ int finish(const Run& result, const Arguments& arguments, Output& out) {
     Output summary;
     const ComponentEstimate& c = s.components.front();
     summary.stream() << result.problem->id << ' ' << result.problem->name << ": "
-                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", " << s.samples
-                     << " samples, seed " << s.seed << '\n';
+                     << with_error(c.mean, c.standard_error) << ", z = " << rounded(result.z, 3) << ", "
+                     << std::to_string(s.samples) << " samples, seed " << std::to_string(s.seed) << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;
   if (s.nonfinite == 0) {
-    complain("the goal is missed: the pilot saw less variance, or faster samples, than the run");
+    complain(s.goal.seconds == 0 && s.total_error() <= s.goal_error() / 2
+                 ? "the goal is missed: the stated bias is most of the error, and more samples do not change it"
+                 : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
   complain(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +

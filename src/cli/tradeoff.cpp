@@ -74,6 +74,8 @@ void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& pl
     point.variance = s.components.front().variance * block;
     point.work = s.work_per_sample() / block;
     point.efficiency = s.efficiency();
+  } catch (const UndrawableError&) {
+    return;
   } catch (const SampleError& e) {
     try {
       std::rethrow_if_nested(e);

@@ -38,12 +38,14 @@ Row row_of(const catalog::Cell& cell) {
 
 void print_summary(std::ostream& out, const Validation& v) {
   const Counts n = count(v.report);
-  out << v.report.cells.size() << " cells: " << v.report.passed << " passed, " << v.report.failed << " failed, "
-      << n.biased << " biased, " << n.refused << " refused, " << n.underpowered << " underpowered\n"
+  const auto whole = [](auto x) { return std::to_string(x); };
+  out << whole(v.report.cells.size()) << " cells: " << whole(v.report.passed) << " passed, " << whole(v.report.failed)
+      << " failed, " << whole(n.biased) << " biased, " << whole(n.refused) << " refused, " << whole(n.underpowered)
+      << " underpowered\n"
       << "max |z| " << rounded(v.report.max_abs_z, 3) << ", threshold " << rounded(v.report.threshold, 3)
       << "; smallest detectable bias " << rounded(v.report.smallest_detectable_bias, 3)
       << " standard deviations of one sample\n"
-      << v.samples << " samples per cell, seed " << v.seed << ", " << rounded(v.seconds, 3) << " s\n";
+      << whole(v.samples) << " samples per cell, seed " << whole(v.seed) << ", " << rounded(v.seconds, 3) << " s\n";
 }
 
 }  // namespace

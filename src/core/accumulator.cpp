@@ -169,6 +169,7 @@ void Accumulator::merge(const Accumulator& right) {
   moments.merge(right.moments);
   components.merge(right.components);
   levels.merge(right.levels);
+  coupling.merge(right.coupling);
   work += right.work;
 }
 

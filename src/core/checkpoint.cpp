@@ -21,7 +21,7 @@ namespace debias {
 namespace {
 
 constexpr std::string_view magic = "DEBIASCP";
-constexpr std::uint32_t format_version = 2;
+constexpr std::uint32_t format_version = 3;
 constexpr std::uint32_t byte_order = 0x01020304;
 constexpr std::uint32_t record_mark = 0x44434552;  // "RECD"
 
@@ -55,6 +55,15 @@ struct detail::Codec {
   }
 
   template <class Io>
+  static void code(Io& io, CouplingSide& s) {
+    io.number(s.count);
+    io.number(s.mean);
+    io.number(s.m2);
+    io.number(s.reach);
+    demand(s.count >= 0);
+  }
+
+  template <class Io>
   static void code(Io& io, Accumulator& a) {
     io.number(a.moments.count);
     io.number(a.moments.mean);
@@ -70,6 +79,13 @@ struct detail::Codec {
     io.number(a.levels.base_level_);
     code(io, a.levels.base_);
     list(io, a.levels.rows_, 40, most_rows, [&io](LevelSums& s) { code(io, s); });
+    for (auto& rows : a.coupling.rows_) {
+      list(io, rows, 96, static_cast<std::size_t>(CouplingTable::levels), [&io](CouplingRow& row) {
+        code(io, row.value);
+        code(io, row.coarse);
+        code(io, row.difference);
+      });
+    }
     demand(a.moments.count >= 0);
   }
 
@@ -114,6 +130,14 @@ struct detail::Codec {
       samples += a.moments.count;  // of ranges that do not overlap
       add(a.levels.base_);
       for (const LevelSums& s : a.levels.rows_) add(s);
+      for (const auto& rows : a.coupling.rows_) {
+        std::int64_t values = 0;  // of levels, each of them counted there, and of bases
+        for (const CouplingRow& row : rows) {
+          demand(row.value.count <= (std::int64_t{1} << 62) - values && row.coarse.count <= row.value.count &&
+                 (row.difference.count == row.coarse.count || row.difference.count == 0));
+          values += row.value.count;
+        }
+      }
     }
     void add(const LevelSums& s) {
       demand(s.count <= (std::int64_t{1} << 62) - draws);
@@ -131,6 +155,10 @@ struct detail::Codec {
     [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
     io.number(s.seconds);
+    io.text(s.identity.estimator);
+    io.text(s.identity.name);
+    io.number(s.pilot.work);
+    io.number(s.pilot.seconds);
     if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
     std::uint64_t n = s.nodes_.size();
     io.number(n);

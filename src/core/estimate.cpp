@@ -1,38 +1,27 @@
 #include <debias/core/estimate.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <exception>
 #include <limits>
+#include <new>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "core/ranks.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
 
 constexpr double save_interval = 1;  // seconds
 
-void check(const Plan& plan) {
-  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
-  if (plan.samples < 1) {
-    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
-  }
-  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
-  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
-    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
-  }
-  if (plan.threads < 0) {
-    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
-  }
-}
-
 // What all ranks of a run must have in common.
-std::string description(const Plan& plan, const std::string& estimator, std::int64_t chunk) {
-  std::string text = estimator;
+std::string description(const Plan& plan, const Identity& identity, std::int64_t chunk) {
+  std::string text = identity.estimator + identity.name;
   for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, chunk,
                                static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
     text += ' ' + std::to_string(x);
@@ -41,17 +30,20 @@ std::string description(const Plan& plan, const std::string& estimator, std::int
 }
 
 // Means, errors, rows and warnings from the sums of a run.
-Statistics finish(std::string estimator, std::uint64_t seed, RunState state) {
+Statistics finish(std::uint64_t seed, RunState state) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Accumulator sums = state.total();
   Statistics s;
-  s.estimator = std::move(estimator);
+  s.estimator = state.identity.estimator;
+  s.name = state.identity.name;
   s.seed = seed;
   s.first = state.first();
   s.samples = state.last() - state.first();
   s.moments = sums.moments;
-  s.work = sums.work;
-  s.seconds = state.seconds;
+  s.work = sums.work + state.pilot.work;
+  s.seconds = state.seconds + state.pilot.seconds;
+  s.pilot_work = state.pilot.work;
+  s.pilot_seconds = state.pilot.seconds;
   s.nonfinite = state.extremes.nonfinite();
   s.first_nonfinite = state.extremes.first_nonfinite();
   s.largest = state.extremes.largest();
@@ -140,6 +132,20 @@ void add_warnings(Statistics& s) {
 
 namespace detail {
 
+void check_plan(const Plan& plan) {
+  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
+  if (plan.samples < 1) {
+    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
+  }
+  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
+  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
+    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
+  }
+  if (plan.threads < 0) {
+    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
+  }
+}
+
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   const auto report = [&](const std::string& what) {
     std::throw_with_nested(SampleError("sample " + std::to_string(index) + " of seed " + std::to_string(seed) +
@@ -149,6 +155,10 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   };
   try {
     throw;
+  } catch (const std::length_error& e) {
+    report(std::string(e.what()) +
+           " (a sequence that says how deep it can be drawn, by with_deepest_level(sequence, level) or a member "
+           "deepest_level(), has such runs refused before they start)");
   } catch (const std::exception& e) {
     report(e.what());
   } catch (...) {
@@ -157,16 +167,17 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   std::terminate();  // not reached: report always throws
 }
 
-Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body) {
+Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body) {
   const auto start = std::chrono::steady_clock::now();
   Ranks* const ranks = plan.ranks;
   const bool leads = ranks == nullptr || ranks->leads();
   Work work(chunk);
+  work.state.identity = identity;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
   const auto begin = [&] {
-    check(plan);
+    check_plan(plan);
     const std::int64_t end = plan.first + plan.samples;
     RunState& state = work.state;
     if (plan.earlier) {
@@ -194,10 +205,14 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
     for (const RunState::Range& samples : missing) work.give(samples);
     work.close();
   } else {
-    ranks->agree(description(plan, estimator, chunk), begin);
+    ranks->agree(description(plan, identity, chunk), begin);
   }
   const double earlier_seconds = work.state.seconds;
-  if (!leads) work.state = RunState(chunk);
+  work.state.pilot += plan.pilot;
+  if (!leads) {
+    work.state = RunState(chunk);
+    work.state.identity = identity;
+  }
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
@@ -220,15 +235,32 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
     throw Interrupted("estimate: interrupted by the caller");
   };
 
-  const auto draw = [&](bool tells) {
+  // Threads can leave too little memory for one another. One that has none gives its chunk back and ends; `alone`, behind
+  // the others, it is a failure like any other.
+  std::atomic<bool> gave_up = false;
+  const auto draw_chunks = [&](bool tells, bool alone) {
     Recorder recorder;
     for (;;) {
       const auto [first, last] = work.take();
       if (first >= last) break;
-      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0);
+      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
       try {
         body(first, last, recorder);
-        work.add({first, last}, recorder.end_chunk(), recorder.extremes());
+        const Accumulator& sums = recorder.end_chunk();
+        try {
+          work.add({first, last}, sums, recorder.extremes());
+        } catch (const std::bad_alloc&) {  // half of it may be there
+          work.interrupt(std::current_exception());
+          break;
+        }
+      } catch (const std::bad_alloc&) {
+        if (alone) {
+          work.fail(recorder.next_index(), std::current_exception());
+        } else {
+          work.give_back({first, last});
+          gave_up = true;
+        }
+        break;
       } catch (...) {
         work.fail(recorder.next_index(), std::current_exception());
         break;
@@ -239,30 +271,47 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
         work.interrupt(std::current_exception());
       }
     }
+  };
+  const auto draw = [&](bool tells, bool alone) {
+    try {
+      draw_chunks(tells, alone);
+    } catch (const std::bad_alloc&) {  // none for its sums
+      gave_up = true;
+      if (alone) work.interrupt(std::current_exception());
+    }
     work.end_thread();
   };
 
   const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
   const auto threads =
       std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : all, 1, std::clamp<std::int64_t>(chunks, 1, 1024));
+  std::int64_t drawing = ranks == nullptr ? 1 : 0;
   {
     std::vector<std::jthread> helpers;
-    for (std::int64_t i = ranks == nullptr ? 1 : 0; i < threads; ++i) {
+    for (; drawing < threads; ++drawing) {
       work.begin_thread();
       try {
-        helpers.emplace_back([&draw] { draw(false); });
-      } catch (...) {  // the machine has no more threads
-        work.interrupt(std::current_exception());
+        helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
+      } catch (...) {  // the machine has no more threads: those that are there do it all
         work.end_thread();
+        if (drawing == 0) {
+          work.interrupt(std::make_exception_ptr(std::invalid_argument(
+              "a rank could not start the thread that draws (a limit such as ulimit, or the machine, grants no more); "
+              "start fewer ranks")));
+        }
         break;
       }
     }
     if (ranks == nullptr) {
       work.begin_thread();
-      draw(plan.save || plan.progress);
+      draw(plan.save || plan.progress, threads == 1);
     } else {  // the caller serves the others, so that neither waits for a long sample of the other
       ranks->serve(work, missing, static_cast<bool>(plan.save), tell);
     }
+  }
+  if (gave_up && ranks == nullptr && threads > 1) {  // draws what was given back
+    work.begin_thread();
+    draw(plan.save || plan.progress, true);
   }
   const auto conclude = [&] {
     if (plan.save) save();
@@ -279,9 +328,20 @@ Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, cons
       rethrow_with_sample(plan.seed, work.failed_index);
     }
   }
-  Statistics statistics = finish(std::move(estimator), plan.seed, std::move(work.state));
+  work.state.identity = identity;  // with its type, also where the sums came from another rank
+  Statistics statistics = finish(plan.seed, std::move(work.state));
   add_warnings(statistics);
+  if (drawing < threads) {
+    statistics.fewer_threads = static_cast<int>(drawing);
+    statistics.warnings.push_back(fewer_threads_text(statistics.fewer_threads));
+  }
   return statistics;
+}
+
+std::string fewer_threads_text(int threads) {
+  return "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
+         " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
+         "longer.";
 }
 
 void check_goal(const Goal& goal) {
@@ -291,7 +351,7 @@ void check_goal(const Goal& goal) {
     if (value == 0) continue;
     ++wishes;
     if (value > 0 && std::isfinite(value)) continue;
-    throw std::invalid_argument("Goal: " + std::string(name) + " = " + std::to_string(value) +
+    throw std::invalid_argument("Goal: " + std::string(name) + " = " + format("%f", value) +
                                 " (must be positive and finite)");
   }
   if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
@@ -300,14 +360,17 @@ void check_goal(const Goal& goal) {
 namespace {
 
 // The samples that a pilot asks for.
-double wanted_samples(const Goal& goal, const Statistics& pilot, double spent) {
+double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, double bias) {
   if (goal.seconds > 0) {
     return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
   }
   const auto n = static_cast<double>(pilot.samples);
   const double doubt = std::sqrt(std::max(pilot.moments.kurtosis() - 1, 0.0) / n);  // of the variance
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
-  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * pilot.size());
+  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
+  // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
+  if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
+  const double error = Goal::aim * wish;
   if (variance == 0) return 2;
   return variance / (error * error);
 }
@@ -340,7 +403,15 @@ void warn_of_single_precision(Statistics& s, double epsilon) {
       "the mean by more; compute the values in double.");
 }
 
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, double& seconds) {
+void judge_coupling(Statistics& s, double epsilon) {
+  const Accumulator sums = s.state.total();
+  s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
+  const std::string warning = warning_of(s.coupling);
+  if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
+}
+
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,
+                   const std::function<double(const Statistics&)>& bias) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
@@ -351,16 +422,20 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
   pilot.save = {};
   pilot.earlier = {};
+  pilot.pilot = {};
+  PilotCost spent;
   const auto planned = [&](std::int64_t samples) {
     Plan result = plan;
     result.samples = samples;
+    result.pilot += spent;
     if (plan.earlier) result.samples = std::max(samples, plan.samples);  // fixed before those were drawn
     return result;
   };
   for (;;) {
-    const Statistics s = run(pilot, "pilot", chunk, body);
-    seconds += s.seconds;
-    const double wanted = wanted_samples(plan.goal, s, seconds);
+    check(pilot);
+    const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
+    spent += {s.work, s.seconds};
+    const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.samples);
     }
@@ -368,7 +443,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
     if (next < 4 * static_cast<double>(pilot.samples)) {
       if (!(wanted < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + std::to_string(wanted) + " samples (does not fit 64 bits)");
+        throw std::invalid_argument("Goal: it takes " + format("%f", wanted) + " samples (does not fit 64 bits)");
       }
       return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }
@@ -378,9 +453,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
 
 Statistics merge(const Statistics& a, const Statistics& b) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("merge: " + what); };
-  if (a.estimator != b.estimator) {
-    refuse("the results are of different estimators (" + a.estimator + " and " + b.estimator + ")");
-  }
+  a.state.identity.demand_same(b.state.identity, "merge");
   if (a.seed != b.seed) {
     refuse("the results have seeds " + std::to_string(a.seed) + " and " + std::to_string(b.seed) +
            " (one run has one seed); average their means weighted by samples instead");
@@ -392,7 +465,7 @@ Statistics merge(const Statistics& a, const Statistics& b) {
            std::to_string(b.first) + ", " + std::to_string(b.first + b.samples) + ") do not meet at a multiple of " +
            std::to_string(state.chunk()) + "; choose `first` and `samples` so");
   }
-  Statistics statistics = finish(a.estimator, a.seed, std::move(state));
+  Statistics statistics = finish(a.seed, std::move(state));
   statistics.bias_bound = a.bias_bound.size > b.bias_bound.size ? a.bias_bound : b.bias_bound;
   for (LevelRow& row : statistics.levels) {
     for (const Statistics* part : {&a, &b}) {

@@ -11,6 +11,12 @@ void Work::give(const Range& samples) {
   more_.notify_all();
 }
 
+void Work::give_back(const Range& samples) {
+  const std::lock_guard lock(mutex_);
+  samples_.push_front(samples);
+  more_.notify_all();
+}
+
 void Work::close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;
@@ -69,7 +75,9 @@ RunState Work::finished() const {
 
 RunState Work::take_finished() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(state, RunState(state.chunk()));
+  RunState empty(state.chunk());
+  empty.identity = state.identity;
+  return std::exchange(state, std::move(empty));
 }
 
 void Work::merge(const RunState& sums) {

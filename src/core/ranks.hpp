@@ -39,6 +39,8 @@ class Work {
 
   /// Samples to draw, behind all that were given before.
   void give(const Range& samples);
+  /// A chunk that was taken and not drawn, before all others.
+  void give_back(const Range& samples);
   /// Nothing more will come.
   void close();
   /// The samples of the next chunk, waiting for more if need be; none at the end.

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
+#include <string>
+
+#include "core/text.hpp"
 
 namespace debias {
 
@@ -26,11 +28,10 @@ constexpr double comfortable = 7.0 / 8;  // of the way to the latter: tail index
 double exponent_below(const Rates& rates, double fourth) {
   const ExponentRange range = finite_exponents(rates);
   if (!(range.low < range.high)) {
-    std::ostringstream text;
-    text << "law: E D_k^2 decays with exponent " << rates.variance << " and the work grows with exponent " << rates.work
-         << " (no law has both finite variance and finite work); a better coupling, a smoother integrand or "
-            "extrapolation may raise the decay, `truncated` accepts a bias";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument("law: E D_k^2 decays with exponent " + format("%g", rates.variance) +
+                                " and the work grows with exponent " + format("%g", rates.work) +
+                                " (no law has both finite variance and finite work); a better coupling, a smoother "
+                                "integrand or extrapolation may raise the decay, `truncated` accepts a bias");
   }
   if (std::isinf(range.high)) return range.low + 1;
   const double best = (rates.variance + rates.work) / 2;

@@ -2,18 +2,37 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <ostream>
+#include <string>
+#include <string_view>
 
 #include <boost/math/distributions/students_t.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 
 RunState::RunState(std::int64_t chunk) : chunk_(chunk) {
   if (chunk > 0 && std::has_single_bit(static_cast<std::uint64_t>(chunk))) return;
   throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two)");
+}
+
+void Identity::demand_same(const Identity& other, const std::string& who) const {
+  if (!known() || !other.known()) return;
+  const auto refuse = [&who](const std::string& what) {
+    throw std::invalid_argument(who + ": two different estimators " + what);
+  };
+  if (estimator != other.estimator) refuse("(" + estimator + ", and " + other.estimator + ")");
+  if (name != other.name) {
+    const auto quoted = [](const std::string& text) { return text.empty() ? "no name" : "'" + text + "'"; };
+    refuse("(they have the names " + quoted(name) + " and " + quoted(other.name) + ")");
+  }
+  if (type != nullptr && other.type != nullptr && *type != *other.type) {
+    refuse("(both call themselves '" + estimator + "', but they are of two types: other functions, or other data)");
+  }
 }
 
 void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
@@ -55,9 +74,13 @@ void RunState::merge(const RunState& other) {
     throw std::invalid_argument("merge: chunks of " + std::to_string(chunk_) + " and of " +
                                 std::to_string(other.chunk_) + " samples (not one estimator)");
   }
+  identity.demand_same(other.identity, "merge");
   for (const auto& [first, node] : other.nodes_) insert(first, node);
+  if (!identity.known()) identity = other.identity;
+  if (identity.type == nullptr) identity.type = other.identity.type;
   extremes.merge(other.extremes);
   seconds += other.seconds;
+  pilot += other.pilot;
 }
 
 std::vector<RunState::Range> RunState::missing(Range range) const {
@@ -115,7 +138,7 @@ double error_quantile(double tail, std::int64_t values, double degrees) {
 
 Interval Statistics::interval(double confidence, std::size_t component) const {
   if (!(confidence > 0 && confidence < 1)) {
-    throw std::invalid_argument("interval: confidence = " + std::to_string(confidence) +
+    throw std::invalid_argument("interval: confidence = " + format("%f", confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   const ComponentEstimate& c = components.at(component);
@@ -147,10 +170,14 @@ double Statistics::size() const {
   return std::sqrt(square);
 }
 
+double Statistics::goal_error() const { return std::hypot(total_error(), bias_bound.size); }
+
 bool Statistics::goal_met() const {
-  if (goal.error > 0) return total_error() <= goal.error;
-  if (goal.relative_error > 0) return total_error() <= goal.relative_error * size();
-  return goal.seconds == 0 || pilot_seconds + seconds <= goal.seconds;
+  if (!goal.asked()) return true;
+  if (nonfinite > 0) return false;  // no answer, and NaN compares false below
+  if (goal.error > 0) return goal_error() <= goal.error;
+  if (goal.relative_error > 0) return goal_error() <= goal.relative_error * size();
+  return seconds <= goal.seconds;
 }
 
 double Statistics::efficiency() const {
@@ -159,38 +186,27 @@ double Statistics::efficiency() const {
   return static_cast<double>(samples) / (variance * seconds);
 }
 
-namespace {
-
-std::string format(const char* pattern, double x) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, x);
-  return text;
-}
-
-}  // namespace
-
 std::string with_error(double mean, double standard_error) {
-  if (!std::isfinite(mean) || !std::isfinite(standard_error)) {
-    return format("%.6g", mean) + " +- " + format("%.2g", standard_error);
-  }
+  if (!std::isfinite(mean)) return "not a number";
+  if (!std::isfinite(standard_error)) return format("%.6g", mean) + " (no standard error)";
   if (standard_error <= 0) return format("%.15g", mean) + "(0)";
   // Rounded before anything is decided: 0.0996 has the two digits 1.0e-01. The second one stands for 10^last.
   const std::string error = format("%.1e", standard_error);
-  const int last = std::stoi(error.substr(error.find('e') + 1)) - 1;
+  int last = 0;
+  const char* exponent = error.data() + error.find('e') + 1;
+  std::from_chars(exponent + (*exponent == '+' ? 1 : 0), error.data() + error.size(), last);
+  --last;
   if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
     return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
   }
-  const double rounded = std::stod(error);
-  char text[64];
+  const double rounded = parse_double(error, "error");
   if (last >= 0) {
     const double unit = std::pow(10.0, last);
-    std::snprintf(text, sizeof text, "%.0f(%.0f)", std::round(mean / unit) * unit, rounded);
-  } else if (last == -1) {  // the error straddles the decimal point and shows it
-    std::snprintf(text, sizeof text, "%.1f(%.1f)", mean, rounded);
-  } else {
-    std::snprintf(text, sizeof text, "%.*f(%c%c)", -last, mean, error[0], error[2]);
+    return format("%.0f", std::round(mean / unit) * unit) + "(" + format("%.0f", rounded) + ")";
   }
-  return text;
+  // the error straddles the decimal point and shows it
+  if (last == -1) return format("%.1f", mean) + "(" + format("%.1f", rounded) + ")";
+  return format({std::chars_format::fixed, -last}, mean) + "(" + error[0] + error[2] + ")";
 }
 
 std::ostream& operator<<(std::ostream& out, const Statistics& s) {
@@ -203,29 +219,49 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   for (std::size_t i = 0; i < s.components.size(); ++i) {
     const ComponentEstimate& c = s.components[i];
     const Interval interval = s.interval(0.95, i);
-    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + "   95 % interval [" +
-                                   format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt);
+    const std::string ends =
+        std::isfinite(c.mean) && std::isfinite(c.standard_error)
+            ? "   95 % interval [" + format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt
+            : "";
+    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + ends);
   }
   if (s.bias_bound.size > 0)
     line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
+  if (!s.name.empty()) line("name", s.name);
   line("estimator", s.estimator);
+  if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
   line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
-  line("work", format("%.4g", s.work) + " (" + format("%.4g", s.work_per_sample()) + " per sample)");
-  line("seconds", format("%.3g", s.seconds));
-  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample)");
+  const bool has_pilot = s.pilot_work > 0 || s.pilot_seconds > 0;
+  const auto part = [&](const std::string& pilot) {
+    return has_pilot ? ", of that " + pilot + " by the pilot" : std::string();
+  };
+  line("work", format("%.4g", s.work) + part(format("%.4g", s.pilot_work)) + " (" +
+                   format("%.4g", s.work_per_sample()) + (has_pilot ? " per sample of the run)" : " per sample)"));
+  line("seconds", format("%.3g", s.seconds) + part(format("%.3g", s.pilot_seconds)));
+  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample" +
+                         (has_pilot ? ", the pilot's among them)" : ")"));
   if (s.goal.asked()) {
     const Goal& g = s.goal;
-    const std::string outcome = s.goal_met() ? ": met, " : ": NOT met, ";
-    if (g.error > 0)
-      line("goal", "standard error " + format("%g", g.error) + outcome + format("%.3g", s.total_error()));
+    // A goal is judged by numbers, and without one it is missed.
+    const auto outcome = [&](double reached, const std::string& unit) {
+      if (s.nonfinite > 0 || std::isnan(reached)) return std::string(": NOT met, there is no error to judge by");
+      if (std::isinf(reached)) return ": NOT met, no bound on the error" + unit;
+      return (s.goal_met() ? ": met, " : ": NOT met, ") + format("%.3g", reached) + unit;
+    };
+    const bool biased = s.bias_bound.size > 0;
+    const std::string parts = !biased ? ""
+                                      : " = sqrt(standard error " + format("%.2g", s.total_error()) + "^2 + bias " +
+                                            format("%.2g", s.bias_bound.size) + "^2)";
+    const std::string what = biased ? "error " : "standard error ";
+    if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s.goal_error(), parts));
     if (g.relative_error > 0) {
-      line("goal",
-           "relative error " + format("%g", g.relative_error) + outcome + format("%.3g", s.total_error() / s.size()));
+      const double size = s.size();
+      const std::string of_zero = size == 0 ? " of a mean of 0" : "";
+      const double reached = size == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / size;
+      line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
     }
-    if (g.seconds > 0) {
-      line("goal", format("%g", g.seconds) + " seconds" + outcome + format("%.3g", s.pilot_seconds + s.seconds));
-    }
+    if (g.seconds > 0) line("goal", format("%g", g.seconds) + " seconds" + outcome(s.seconds, ""));
   }
   for (const std::string& warning : s.warnings) line("warning", warning);
   if (!has_verdict) return out;

@@ -30,6 +30,21 @@ double with_weak_prior(double k, std::size_t n) {
   return (count * k + 5) / (count + 10);
 }
 
+// The fit where its reciprocals are doubles; for a tail wider than these the mean of log(x / smallest), Hill's.
+double shape_of(std::span<const double> x) {
+  constexpr double widest = 1e290;
+  if (x.size() >= fewest_values && x.back() < 1 / widest && x.back() > 0) {
+    std::vector<double> larger(x.begin(), x.end());
+    for (double& v : larger) v = std::ldexp(v, 1000);
+    return shape_of(larger);
+  }
+  if (x.size() < fewest_values || first_quartile(x) > x.back() / widest) return fit_pareto(x).k;
+  const double low = x.back() / widest;
+  double sum = 0;
+  for (const double v : x) sum += std::log(std::max(v, low) / low);
+  return sum / static_cast<double>(x.size());
+}
+
 // Values that differ by rounding only are one value of a lattice.
 bool same(double a, double b) { return a - b <= 1e-13 * std::max(std::abs(a), std::abs(b)); }
 
@@ -64,7 +79,7 @@ std::vector<double> spread(const std::vector<Step>& steps) {
     double growth = 1;
     if (i > 0) growth = gap(i - 1) / gap(i);
     if (i == 0 && steps.size() > 2) growth = gap(0) / gap(1);
-    growth = std::max(growth, 1 + 1e-6);
+    growth = std::clamp(growth, 1 + 1e-6, 1e300);
     for (std::size_t j = 1; j < steps[i].count; ++j) {
       const auto rank = static_cast<double>(j);
       const double t = above > 0 ? std::log1p(rank / above) / std::log1p(count / above) : rank / count;
@@ -110,13 +125,13 @@ double plain_shape(std::span<const double> descending, std::size_t size) {
   if (below == descending.size()) return -std::numeric_limits<double>::infinity();
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(descending[i] - descending[below]);
-  return with_weak_prior(fit_pareto(x).k, size);
+  return with_weak_prior(shape_of(x), size);
 }
 
 double shape_above(std::span<const double> descending, std::size_t size, double cutoff) {
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(descending[i] - cutoff);
-  return with_weak_prior(fit_pareto(x).k, size);
+  return with_weak_prior(shape_of(x), size);
 }
 
 // The standard error of a Pareto law, and how far the k of a half and a quarter of the tail lie from k beyond
@@ -198,7 +213,7 @@ TailIndex tail_index(std::span<const double> descending, std::int64_t samples, d
     return index;
   }
   index.state = TailState::fitted;
-  index.k = with_weak_prior(fit_pareto(x).k, size);
+  index.k = with_weak_prior(shape_of(x), size);
   index.error = error_of(values, size, index.k);
   index.plain = index.ties ? plain_shape(descending, wanted) : index.k;
   add_classic(index, values, center);

@@ -142,7 +142,30 @@ std::uint64_t parse_count(std::string_view text, std::string_view what, std::uin
       (meant.empty() ? "write a whole number such as 1000, 1e6 or 1_000_000" : "did you mean '" + meant + "'?"));
 }
 
+namespace {
+
+/// NaN and infinity in words; nothing for any other number.
+std::string_view in_words(double x) {
+  if (std::isnan(x)) return "unknown";
+  if (std::isinf(x)) return x > 0 ? "infinity" : "minus infinity";
+  return "";
+}
+
+}  // namespace
+
+std::string detail::format(NumberPattern pattern, double x) {
+  if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
+  std::array<char, 512> digits{};  // %.99f of the largest double has 309 + 1 + 99 of them, and a sign
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x, pattern.kind, pattern.precision).ptr;
+  return {digits.data(), end};
+}
+
+std::string right(const std::string& text, std::size_t width) {
+  return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
+}
+
 std::string to_text(double x) {
+  if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
   std::array<char, 32> digits{};  // the longest double, -2.2250738585072014e-308, has 24
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x).ptr;
   return {digits.data(), end};

@@ -2,12 +2,20 @@
 
 // Numbers as text and back, the same in every locale, and the nearest of a list of names.
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include <debias/core/text.hpp>
+
 namespace debias {
+
+using detail::format;
+
+/// `text` behind as many blanks as make it `width` wide, for columns: the %12s of printf.
+std::string right(const std::string& text, std::size_t width);
 
 /// The whole of `text` as a finite decimal number. Throws std::invalid_argument that names `what` for anything
 /// else: nan, inf, hexadecimal digits, a leading '+', blanks, trailing characters, or a number that no double
@@ -20,7 +28,7 @@ double parse_double(std::string_view text, std::string_view what);
 /// to some), trailing characters.
 std::uint64_t parse_count(std::string_view text, std::string_view what, std::uint64_t low, std::uint64_t high);
 
-/// The fewest digits that parse_double reads back as the same double.
+/// The fewest digits that parse_double reads back as the same double; of others see `format`.
 std::string to_text(double x);
 
 /// The name that is closest to `text` (edit distance, upper and lower case alike); empty when none is close.

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <span>
+#include <string_view>
 
 #include <debias/core/result.hpp>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -29,12 +31,6 @@ constexpr double tail_z = 1.5;
 constexpr double deep_index = 0.4;   // of the quarter of the tail, for `infinite`
 constexpr double fewest_hits = 100;  // values beside the commonest one, for `finite`
 constexpr std::int64_t fewest_for_shown = 1000;
-
-std::string format(const char* pattern, double x) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), pattern, x);
-  return text.data();
-}
 
 std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   std::vector<LevelFacts> facts;

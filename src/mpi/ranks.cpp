@@ -324,7 +324,7 @@ void Communicator::or_abort(const F& f) const {
   try {
     f();
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "debias: rank %d cannot go on: %s\n", rank_, e.what());
+    std::fputs(("debias: rank " + std::to_string(rank_) + " cannot go on: " + e.what() + "\n").c_str(), stderr);
     MPI_Abort(comm_, 1);
   }
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "core/text.hpp"
@@ -96,6 +97,13 @@ AnyPmf parse_tabulated(const Spec& spec) {
 }  // namespace
 
 std::span<const AnyPmf::Form> AnyPmf::forms() { return all_forms; }
+
+AnyPmf::AnyPmf(Law law) : law_(std::move(law)) {}
+AnyPmf::AnyPmf(const AnyPmf& other) = default;
+AnyPmf::AnyPmf(AnyPmf&& other) noexcept = default;
+AnyPmf& AnyPmf::operator=(const AnyPmf& other) = default;
+AnyPmf& AnyPmf::operator=(AnyPmf&& other) noexcept = default;
+AnyPmf::~AnyPmf() = default;
 
 AnyPmf AnyPmf::parse(std::string_view text) {
   std::optional<std::string_view> rest = text;

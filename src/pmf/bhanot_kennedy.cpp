@@ -49,7 +49,7 @@ double BhanotKennedy::mass(std::int64_t j) const {
 std::int64_t BhanotKennedy::sample(double u) const {
   assert(u > 0 && u <= 1);
   if (u > 1 - zero_) return 0;
-  if (u <= tails_.back()) {
+  if (!(u > tails_.back())) {
     throw std::length_error("BhanotKennedy: c = " + to_text(c_) + ": at u = " + to_text(u) + " the tail underflows");
   }
   const auto above = std::partition_point(tails_.begin(), tails_.end(), [u](double t) { return u <= t; });

@@ -70,7 +70,7 @@ double Zeta::deep_tail(std::int64_t j) const { return j < 0 ? 1.0 : hurwitz_zeta
 std::int64_t Zeta::deep_sample(double u) const {
   std::int64_t low = table_size - 1;  // u <= tail(low)
   std::int64_t high = level_end;      // u > tail(high)
-  if (u <= tail(high)) {
+  if (!(u > tail(high))) {
     throw std::length_error("Zeta: s = " + to_text(s_) + ": the level at u = " + to_text(u) +
                             " is 2^62 or more and does not fit 64 bits; take a larger s");
   }

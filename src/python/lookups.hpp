@@ -16,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include <debias/core/reach.hpp>
+
 namespace debias::python {
 
 class Lookups {
@@ -32,9 +34,43 @@ class Lookups {
 
   Lookups(Answer answer, SizeOf size_of) : answer_(std::move(answer)), size_of_(std::move(size_of)) {}
 
+  static constexpr std::int64_t deepest_doubling = 26;  ///< level of 2^level rows that one draw may ask for at once
+
   [[nodiscard]] bool rehearsing() const { return rehearsing_; }
 
   Size size(std::int64_t level) { return rows_of(level).size; }
+
+  /// The last level whose rows are not too wide, if they grow: found by asking for one level after the other, then for
+  /// twice as deep ones. Any other refusal is no limit, and comes again when the level is drawn.
+  std::int64_t deepest_level() {
+    const auto fits = [this](std::int64_t level) {
+      try {
+        size_of_(level);
+      } catch (const std::length_error&) {
+        return false;
+      }
+      return true;
+    };
+    try {
+      constexpr std::int64_t one_by_one = 64;
+      for (std::int64_t level = 0; level <= one_by_one; ++level) {
+        if (!fits(level)) return level > 0 ? level - 1 : deepest_of_all;
+      }
+      std::int64_t low = one_by_one;
+      std::int64_t high = 2 * low;
+      for (; fits(high); high *= 2) {
+        low = high;
+        if (high > deepest_of_all / 2) return deepest_of_all;
+      }
+      while (high - low > 1) {
+        const std::int64_t middle = low + (high - low) / 2;
+        (fits(middle) ? low : high) = middle;
+      }
+      return low;
+    } catch (const std::exception&) {
+      return deepest_of_all;
+    }
+  }
 
   /// Room for one row of questions.
   std::span<double> ask(std::int64_t level) {

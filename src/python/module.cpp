@@ -46,6 +46,7 @@ using cli::Watch;
 using Words = std::map<std::string, std::string>;
 using Report = std::pair<std::string, std::string>;  // text and JSON
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Flags = py::array_t<bool, py::array::c_style | py::array::forcecast>;
 using namespace std::chrono_literals;
 
 Arguments arguments_of(const Words& words) {
@@ -70,16 +71,18 @@ Arguments arguments_of(const Words& words) {
   return a;
 }
 
+bool is_lower(char c) { return 'a' <= c && c <= 'z'; }  // in any locale
+
 // --base-level becomes base_level: the same words, as Python spells them.
 std::string in_python(const std::string& message) {
   std::string text;
   for (std::size_t i = 0; i < message.size(); ++i) {
-    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && std::islower(message[i + 2]) != 0;
+    const bool option = message.compare(i, 2, "--") == 0 && i + 2 < message.size() && is_lower(message[i + 2]);
     if (!option) {
       text += message[i];
       continue;
     }
-    for (i += 2; i < message.size() && (std::islower(message[i]) != 0 || message[i] == '-'); ++i) {
+    for (i += 2; i < message.size() && (is_lower(message[i]) || message[i] == '-'); ++i) {
       text += message[i] == '-' ? '_' : message[i];
     }
     --i;
@@ -117,17 +120,33 @@ auto translated(const F& f) {
   }
 }
 
+/// Runs f(watch) here: Python functions answer on the thread that their user called from.
+template <class F>
+auto on_this_thread(const F& f, const py::object& progress) {
+  auto next = std::chrono::steady_clock::now();
+  const Watch watch = [&](std::string_view, double done, double total) {
+    if (std::chrono::steady_clock::now() < next) return true;
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (!progress.is_none()) progress(done, total);
+    next = std::chrono::steady_clock::now() + 50ms;
+    return true;
+  };
+  const py::gil_scoped_release release;
+  return f(watch);
+}
+
 /// Runs f(watch) on a thread of its own, while this one answers Ctrl-C and shows the progress. A run that does not
 /// end within 0.35 s of Ctrl-C (deep in a level of 2^60 draws nobody looks) is left behind, and ends with the program.
 template <class F>
-auto on_worker(F f, const py::object& progress) {
+auto on_worker(const F& f, const py::object& progress) {
   struct Shared {
     std::atomic<double> done = 0;
     std::atomic<double> total = 0;
     std::atomic<bool> stop = false;
   };
   const auto shared = std::make_shared<Shared>();
-  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f = std::move(f), shared] {
+  std::packaged_task<std::invoke_result_t<F, const Watch&>()> task([f, shared] {
     return f([&shared](std::string_view, double done, double total) {
       shared->done = done;
       shared->total = total;
@@ -135,7 +154,12 @@ auto on_worker(F f, const py::object& progress) {
     });
   });
   auto future = task.get_future();
-  std::thread worker(std::move(task));
+  std::thread worker;
+  try {
+    worker = std::thread(std::move(task));
+  } catch (const std::system_error&) {  // the machine has no more threads
+    return on_this_thread(f, progress);
+  }
   const auto ends_within = [&future](std::chrono::milliseconds time) {
     const py::gil_scoped_release release;
     return future.wait_for(time) == std::future_status::ready;
@@ -166,22 +190,6 @@ auto on_worker(F f, const py::object& progress) {
   return future.get();
 }
 
-/// Runs f(watch) here: Python functions answer on the thread that their user called from.
-template <class F>
-auto on_this_thread(const F& f, const py::object& progress) {
-  auto next = std::chrono::steady_clock::now();
-  const Watch watch = [&](std::string_view, double done, double total) {
-    if (std::chrono::steady_clock::now() < next) return true;
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    if (!progress.is_none()) progress(done, total);
-    next = std::chrono::steady_clock::now() + 50ms;
-    return true;
-  };
-  const py::gil_scoped_release release;
-  return f(watch);
-}
-
 // f(problem, arguments, watch) for a problem of either kind.
 template <class F>
 auto with_problem(const py::object& problem, const Words& words, const py::object& progress, const F& f) {
@@ -210,7 +218,7 @@ std::string json_of(const cli::Diagnosis& r) { return diagnose_json(r); }
 
 template <class R>
 Report report(const R& r) {
-  std::ostringstream text;
+  std::ostringstream text;  // only texts
   print(text, r);
   return {text.str(), json_of(r)};
 }
@@ -300,16 +308,29 @@ Facts facts_of(const py::dict& d) {
   facts.rates = {number("variance_rate"), number("work_rate"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
+  if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
+    facts.deepest_level = d["deepest_level"].cast<std::int64_t>();
+  }
   return facts;
 }
 
 /// Takes pieces of numbers in order.
 class Diagnostician {
  public:
-  void add(const Doubles& piece) {
-    const std::span values(piece.data(), static_cast<std::size_t>(piece.size()));
+  void add(const Doubles& piece, const Flags& left_out) {
+    const auto size = static_cast<std::size_t>(piece.size());
+    if (left_out.size() != piece.size()) throw std::invalid_argument("diagnose: not one flag for each value");
+    const std::span values(piece.data(), size);
+    const std::span flags(left_out.data(), size);
     const py::gil_scoped_release release;
-    for (const double x : values) sums_.add(x, ++count_);  // the program counts from 1
+    for (std::size_t i = 0; i < size; ++i) {
+      ++count_;  // the program counts from 1, and what is left out has a place too
+      if (!flags[i]) {
+        sums_.add(values[i], count_);
+      } else if (++missing_ == 1) {
+        first_missing_ = count_;
+      }
+    }
   }
   Report finish(const std::string& name) {
     const py::gil_scoped_release release;
@@ -317,15 +338,39 @@ class Diagnostician {
     d.file = name;
     d.unit = "value";
     sums_.finish(d);
-    if (d.moments.count == 0) throw std::invalid_argument("diagnose: no value (one at least)");
+    if (d.moments.count == 0) {
+      throw std::invalid_argument(
+          "diagnose: no value (" +
+          (missing_ > 0 ? "all " + std::to_string(missing_) + " are masked or missing" : std::string("one at least")) +
+          ")");
+    }
     conclude(d);
+    if (missing_ > 0) {
+      d.warnings.push_back(std::to_string(missing_) + " of " + std::to_string(count_) +
+                           " values are masked or missing, the first is value " + std::to_string(first_missing_) +
+                           ": they are left out of everything here.");
+    }
     return report(d);
   }
 
  private:
   cli::Sums sums_;
   std::int64_t count_ = 0;
+  std::int64_t missing_ = 0;
+  std::int64_t first_missing_ = 0;
 };
+
+// Before 2.12 pybind11 reads the descriptors of NumPy 2 in the places of NumPy 1: every array that it makes has strides
+// of 0, so that `samples` was one number n times.
+void refuse_numpy_beyond_pybind11() {
+#if PYBIND11_VERSION_HEX < 0x020C0000
+  const auto version = py::module_::import("numpy").attr("__version__").cast<std::string>();
+  if (std::atoi(version.c_str()) < 2) return;
+  const std::string mine = std::to_string(PYBIND11_VERSION_MAJOR) + "." + std::to_string(PYBIND11_VERSION_MINOR);
+  throw py::import_error("debias: built with pybind11 " + mine + ", which reads arrays of NumPy " + version +
+                         " wrongly; take a NumPy below 2, or build debias with pybind11 2.12 or newer");
+#endif
+}
 
 }  // namespace
 }  // namespace debias::python
@@ -333,6 +378,7 @@ class Diagnostician {
 PYBIND11_MODULE(_debias, m) {
   using namespace debias;
   using namespace debias::python;
+  refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 

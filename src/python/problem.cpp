@@ -34,12 +34,14 @@ struct Gathered {
   void rehearse(const std::function<void()>& draws) const { lookups->rehearse(draws); }
   [[nodiscard]] std::string describe() const { return description(estimator); }
   [[nodiscard]] std::int64_t chunk() const { return debias::detail::chunk_of(estimator); }
+  [[nodiscard]] std::string name() const requires HasName<E> { return estimator.name(); }
   [[nodiscard]] double probability(std::int64_t level) const requires KnowsProbabilities<E> {
     return estimator.probability(level);
   }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
     return estimator.bias_bound(levels);
   }
+  [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> { return estimator.reach(last); }
 };
 
 template <Estimator E>
@@ -50,6 +52,7 @@ auto gathered_run(const E& e, Lookups& lookups, const Plan& plan) {
 template <BiasedSequence S>
 LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   LevelRuns runs;
+  runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
     return gathered_run(debias::detail::LevelDraw<S>{sequence, level}, *lookups, plan);
   };
@@ -117,7 +120,9 @@ template <Value V>
 struct Levels {
   std::shared_ptr<Lookups> lookups;
   std::size_t components;
+  std::int64_t deepest;
 
+  [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
   Draw<V> operator()(std::int64_t level, Stream& rng) const {
     const auto [numbers, work] = look_up(level, rng);
     return {value_in(numbers, level), difference_in(numbers), work};
@@ -127,7 +132,12 @@ struct Levels {
     return {value_in(numbers, level), work};
   }
   Term<V> difference_at(std::int64_t level, Stream& rng) const {
+    return difference_at(level, rng, [](const V&, const V&) {});
+  }
+  /// Reports I_k and D_k where both are there.
+  Term<V> difference_at(std::int64_t level, Stream& rng, const auto& report) const {
     const auto [numbers, work] = look_up(level, rng);
+    if (numbers.size() > components) report(value_in(numbers, level), difference_in(numbers));
     return {difference_in(numbers), work};
   }
 
@@ -254,8 +264,9 @@ Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rat
 }  // namespace
 
 UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components) {
-  if (components == 0) return make_problem(facts, Levels<double>{lookups, 1}, lookups);
-  UserProblem user = make_problem(facts, Levels<Eigen::ArrayXd>{lookups, components}, lookups);
+  const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());
+  if (components == 0) return make_problem(facts, Levels<double>{lookups, 1, deepest}, lookups);
+  UserProblem user = make_problem(facts, Levels<Eigen::ArrayXd>{lookups, components, deepest}, lookups);
   user.components = components;
   return user;
 }
@@ -265,13 +276,17 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
   const NamedFunction function = function_of(g);
   const Integrand f{lookups};
   Facts known = facts;
+  // One draw of level k looks 2^k numbers up, and they are all there at once.
+  const auto make = [&](auto sequence) {
+    return make_problem(known, with_deepest_level(std::move(sequence), Lookups::deepest_doubling), lookups);
+  };
   if (points == "comb") {
     known.rates = or_default(facts.rates, IntegralOptions{}.rates);
-    return make_problem(known, function_of_integral(f, function, {from, to, known.rates}), lookups);
+    return make(function_of_integral(f, function, {from, to, known.rates}));
   }
   if (points == "jittered") {
     known.rates = or_default(facts.rates, JitteredOptions{}.rates);
-    return make_problem(known, function_of_jittered_integral(f, function, {from, to, known.rates}), lookups);
+    return make(function_of_jittered_integral(f, function, {from, to, known.rates}));
   }
   constexpr std::array<std::string_view, 3> names = {"independent", "comb", "jittered"};
   if (points != names[0]) {
@@ -279,7 +294,7 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
                                 suggestion(points, names));
   }
   known.rates = or_default(facts.rates, {2, 1});
-  return make_problem(known, function_of_mean(CubeDraw{f}, function, known.rates), lookups);
+  return make(function_of_mean(CubeDraw{f}, function, known.rates));
 }
 
 }  // namespace debias::python

@@ -23,6 +23,7 @@ struct Facts {
   double truth = 0;  ///< NaN: not known
   Rates rates{};     ///< variance NaN: not known
   std::int64_t lowest_base = 0;
+  std::int64_t deepest_level = deepest_of_all;  ///< that the user says can be drawn
 };
 
 struct UserProblem {

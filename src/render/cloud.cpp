@@ -79,7 +79,7 @@ Cloud::Cloud(std::vector<float> grid, const std::array<int, 3>& size, double den
   }
   for (std::size_t i = 0; i < grid_.size(); ++i) {
     if (!(grid_[i] >= 0) || !std::isfinite(grid_[i])) {
-      throw std::invalid_argument("volume: number " + std::to_string(i) + " is " + std::to_string(grid_[i]) +
+      throw std::invalid_argument("volume: number " + std::to_string(i) + " is " + format("%f", grid_[i]) +
                                   " (extinction must be finite and at least 0); clean the file");
     }
     majorant_ = std::max(majorant_, density * static_cast<double>(grid_[i]));

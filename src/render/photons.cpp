@@ -271,11 +271,12 @@ PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan) {
         group.photons += static_cast<double>(pass.photons);
       }
     };
-    in_parallel(groups, plan.threads, body, [&](int finished) {
+    const int fewer = in_parallel(groups, plan.threads, body, [&](int finished) {
       const double share = (slice + static_cast<double>(finished) / groups) / slices;
       if (plan.progress && !plan.progress(share)) r.complete = false;
       return r.complete;
     });
+    if (fewer > 0) r.fewer_threads = fewer;
     r.seconds = seconds_now();
     plan.saving.keep(all, layout, slice == slices - 1 || !r.complete);
   }

@@ -43,6 +43,7 @@ struct PhotonRendering {
   double photons = 0;
   double seconds = 0;
   bool complete = true;
+  int fewer_threads = 0;  ///< that worked, where as many as asked for could not be had; else 0
 };
 /// The mean irradiance of each pixel; the same bits for any number of threads.
 PhotonRendering render(const PhotonMethod& method, const PhotonPlan& plan);

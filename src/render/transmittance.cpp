@@ -132,11 +132,12 @@ Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const Re
         method.add(ray, plan.seed, pixel, pixels, in_pass * pass, last, sums);
       }
     };
-    in_parallel(plan.height, plan.threads, row, [&](int finished) {
+    const int fewer = in_parallel(plan.height, plan.threads, row, [&](int finished) {
       const double share = (pass + static_cast<double>(finished) / plan.height) / passes;
       if (plan.progress && !plan.progress(share)) rendering.complete = false;
       return rendering.complete;
     });
+    if (fewer > 0) rendering.fewer_threads = fewer;
     rendering.seconds =
         earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     plan.saving.keep(rendering, layout, pass == passes - 1 || !rendering.complete);

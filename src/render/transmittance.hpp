@@ -48,6 +48,7 @@ struct Rendering {
   std::vector<PixelSums> pixels;
   double seconds = 0;
   bool complete = true;
+  int fewer_threads = 0;  ///< that worked, where as many as asked for could not be had; else 0
   [[nodiscard]] double lookups() const;
 };
 Rendering render(const Cloud& cloud, const TransmittanceMethod& method, const RenderPlan& plan);

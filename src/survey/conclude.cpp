@@ -7,7 +7,6 @@
 #include <limits>
 #include <optional>
 #include <span>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +14,7 @@
 #include <debias/survey.hpp>
 
 #include "core/regression.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -92,12 +92,7 @@ Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std:
   return p;
 }
 
-std::string text_of(double x) {
-  std::ostringstream text;
-  text.precision(3);
-  text << x;
-  return text.str();
-}
+std::string text_of(double x) { return format("%.3g", x); }
 
 std::string levels_text(std::int64_t first, std::int64_t last) {
   return first == last ? "level " + std::to_string(first)

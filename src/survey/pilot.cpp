@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/ranks.hpp"
+#include "core/text.hpp"
 
 namespace debias {
 namespace {
@@ -41,6 +42,7 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
 
 void Pilot::grow(double work, std::int64_t deepest) {
   std::vector<std::int64_t> levels;
+  deepest = std::min(deepest, runs_.deepest_level);
   for (std::int64_t k = 0; k <= deepest && (end_ < 0 || k < end_);) {
     try {
       const double each = of_both(work_of(k));
@@ -89,6 +91,8 @@ void Pilot::draw(std::int64_t level, std::int64_t draws) {
   part.samples = draws;
   part.save = {};
   part.earlier = {};
+  part.pilot = {};
+  part.whole = 0;
   const auto found = drawn_.find(level);
   if (found != drawn_.end()) part.earlier = std::make_shared<RunState>(found->second.state);
   drawn_[level] = runs_.draw(level, part);
@@ -106,8 +110,8 @@ void Pilot::check_time(std::int64_t level) const {
   }
   const double each = here.seconds / static_cast<double>(here.samples);
   if (!(each / of_both(work_of_.at(level)) > unexplained * least)) return;
-  throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + std::to_string(each) +
-                              " seconds (its stated work is " + std::to_string(of_both(work_of_.at(level))) +
+  throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + format("%.2g", each) +
+                              " seconds (its stated work is " + format("%.4g", of_both(work_of_.at(level))) +
                               ", and shallower levels state as much for a small part of that time); state the work of "
                               "a draw, the last argument of base and coupled");
 }

@@ -58,17 +58,24 @@ TEST_CASE("a const callable of level and stream that returns a Draw is a sequenc
   STATIC_REQUIRE(std::same_as<sequence_value_t<Halves>, double>);
 }
 
-TEST_CASE("a mutable callable, or one that returns something else, is no sequence", "[core][sequence][compile]") {
+TEST_CASE("a mutable callable, one that copies its stream, or one that returns something else, is no sequence",
+          "[core][sequence][compile]") {
   auto counting = [n = 0](std::int64_t, Stream&) mutable { return base(static_cast<double>(++n)); };
   auto number = [](std::int64_t, Stream&) { return 1.0; };
   auto no_stream = [](std::int64_t) { return base(1.0); };
   auto by_value = [](std::int64_t, Stream) { return base(1.0); };
+  auto any_by_value = [](auto, auto rng) { return base(rng.uniform()); };
+  auto changes_level = [](std::int64_t& level, Stream&) { return base(static_cast<double>(++level)); };
   STATIC_REQUIRE_FALSE(BiasedSequence<decltype(counting)>);
   STATIC_REQUIRE_FALSE(BiasedSequence<decltype(number)>);
   STATIC_REQUIRE_FALSE(BiasedSequence<decltype(no_stream)>);
-  STATIC_REQUIRE(BiasedSequence<decltype(by_value)>);
+  STATIC_REQUIRE_FALSE(BiasedSequence<decltype(by_value)>);
+  STATIC_REQUIRE_FALSE(BiasedSequence<decltype(any_by_value)>);
+  STATIC_REQUIRE_FALSE(BiasedSequence<decltype(changes_level)>);
   auto counting_terms = [n = 0](Stream&) mutable { return [m = ++n] { return Term<double>{static_cast<double>(m)}; }; };
+  auto terms_by_value = [](auto rng) { return [u = rng.uniform()] { return Term<double>{u}; }; };
   STATIC_REQUIRE_FALSE(TermSequence<decltype(counting_terms)>);
+  STATIC_REQUIRE_FALSE(TermSequence<decltype(terms_by_value)>);
   STATIC_REQUIRE(TermSequence<Halves>);
   STATIC_REQUIRE_FALSE(TermSequence<Plain>);
   STATIC_REQUIRE_FALSE(BiasedSequence<Halves>);
@@ -78,10 +85,18 @@ TEST_CASE("a random variable is a const callable of a stream that returns a valu
   const auto x = [](Stream& rng) { return rng.uniform(); };
   auto counting = [n = 0](Stream&) mutable { return static_cast<double>(++n); };
   const auto integer = [](Stream&) { return 1; };
+  const auto by_value = [](Stream rng) { return rng.uniform(); };
+  const auto any_by_value = [](auto rng) { return rng.uniform(); };
+  const auto records_by_value = [](Stream rng, auto&) { return Sample<double>{rng.uniform()}; };
   STATIC_REQUIRE(RandomVariable<decltype(x)>);
   STATIC_REQUIRE(std::same_as<draw_t<decltype(x)>, double>);
   STATIC_REQUIRE_FALSE(RandomVariable<decltype(counting)>);
   STATIC_REQUIRE_FALSE(RandomVariable<decltype(integer)>);
+  STATIC_REQUIRE_FALSE(RandomVariable<decltype(by_value)>);
+  STATIC_REQUIRE_FALSE(RandomVariable<decltype(any_by_value)>);
+  STATIC_REQUIRE_FALSE(Estimator<decltype(by_value)>);
+  STATIC_REQUIRE_FALSE(Estimator<decltype(any_by_value)>);
+  STATIC_REQUIRE_FALSE(Estimator<decltype(records_by_value)>);
   STATIC_REQUIRE(Estimator<decltype(x)>);
   STATIC_REQUIRE_FALSE(Estimator<decltype(counting)>);
 }
@@ -129,7 +144,7 @@ TEST_CASE("levels_of sums the terms of one path and pays for all of them", "[cor
   STATIC_REQUIRE_FALSE(DeclaresRates<decltype(levels)>);
   for (std::int64_t k = 0; k < 6; ++k) {
     Stream rng(8, 1);
-    Stream copy = rng;
+    Stream copy(rng);
     const double scale = copy.uniform();
     const Draw<double> draw = levels(k, rng);
     const double unit = std::ldexp(1.0, -static_cast<int>(k));

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <initializer_list>
 #include <limits>
+#include <random>
+#include <type_traits>
 #include <vector>
 
 #include <Random123/philox.h>
@@ -15,6 +18,7 @@
 
 #include "catch_shim.hpp"
 
+#include <debias/core/estimate.hpp>
 #include <debias/core/stream.hpp>
 
 using namespace debias;
@@ -104,12 +108,37 @@ TEST_CASE("layout version 1: seed 1, index 0 gives these numbers for ever", "[co
              {0xb326e0d6d15524db, 0x2f3e7c6fc01e1049, 0x56c88b380cb201be, 0x5264e795cd6b6e84});
 }
 
+// A copy is made where it is written, and nowhere else.
+static_assert(std::is_constructible_v<Stream, const Stream&> && !std::is_convertible_v<const Stream&, Stream>);
+static_assert(!std::is_copy_assignable_v<Stream> && std::is_move_assignable_v<Stream>);
+static_assert(!std::invocable<double (*)(Stream), Stream&> && std::invocable<double (*)(Stream), Stream>);
+
+TEST_CASE("a Stream feeds the distributions of the standard library", "[core][stream][exact]") {
+  static_assert(std::uniform_random_bit_generator<Stream> && std::same_as<Stream::result_type, std::uint64_t>);
+  CHECK(Stream::min() == 0);
+  CHECK(Stream::max() == std::numeric_limits<std::uint64_t>::max());
+  Stream one(3, 9);
+  Stream two(one);
+  for (int i = 0; i < 5; ++i) CHECK(one() == two.bits());
+
+  // Gamma with shape 3 and scale 0.5: mean 1.5, variance 0.75, and a permutation of what was there.
+  constexpr std::int64_t n = 20'000;
+  const auto gamma = [](Stream& rng) { return std::gamma_distribution<>(3, 0.5)(rng); };
+  const auto result = estimate(gamma, {.samples = n, .seed = 12});
+  CHECK(std::abs(result.mean - 1.5) < 4.5 * std::sqrt(0.75 / n));
+  CHECK(std::abs(result.mean - 1.55) > 4.5 * std::sqrt(0.75 / n));  // a bias of 3 % would be seen
+  std::vector<int> shuffled = {1, 2, 3, 4, 5, 6};
+  std::shuffle(shuffled.begin(), shuffled.end(), one);
+  std::sort(shuffled.begin(), shuffled.end());
+  CHECK(shuffled == std::vector<int>{1, 2, 3, 4, 5, 6});
+}
+
 TEST_CASE("fill gives the numbers of as many calls, from odd and even positions", "[core][stream][exact]") {
   for (std::size_t start = 0; start < 4; ++start) {
     for (const std::size_t length : std::initializer_list<std::size_t>{0, 1, 2, 3, 9, 63, 64, 65, 127, 128, 129, 300}) {
       Stream one(3, 9);
       for (std::size_t i = 0; i < start; ++i) one.bits();
-      Stream two = one;
+      Stream two(one);
       std::vector<double> filled(length, -1.0);
       one.fill(filled);
       for (const double u : filled) CHECK(u == two.uniform());
@@ -122,10 +151,10 @@ TEST_CASE("fill gives the numbers of as many calls, from odd and even positions"
 TEST_CASE("a copy draws the same numbers, and a split does not depend on the position", "[core][stream][exact]") {
   Stream rng(5, 2);
   Stream child = rng.split(4);
-  const std::vector<double> of_child = uniforms(child, 5);
+  const std::vector<double> of_child = uniforms(Stream(child), 5);
   for (int used = 0; used < 5; ++used) {
     CHECK(uniforms(rng.split(4), 5) == of_child);
-    Stream copy = rng;
+    Stream copy(rng);
     CHECK(copy.bits() == rng.bits());
   }
   CHECK(rng.split(4).index() == 2);
@@ -157,7 +186,7 @@ TEST_CASE("a uniform is an odd multiple of 2^-53 inside (0, 1), whatever the bit
   STATIC_REQUIRE(formula(ones) == 1 - 0x1p-53);
   Stream rng(11, 0);
   for (int i = 0; i < 10000; ++i) {
-    Stream copy = rng;
+    Stream copy(rng);
     const double u = rng.uniform();
     REQUIRE(u == formula(copy.bits()));
     REQUIRE(std::fmod(u * 0x1p53, 2.0) == 1.0);

@@ -19,7 +19,7 @@ namespace debias::trial {
 /// A shared base made of one residue of the comb only: its offset is not uniform.
 struct OneResidue : Comb {
   SharedDraw<double> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const {
-    Stream copy = rng;
+    Stream copy(rng);
     SharedDraw<double> draw = Comb::shared(level, base_level, rng);
     draw.base = residue(copy.uniform(), std::int64_t{1} << level, std::int64_t{1} << (level - base_level), 0);
     return draw;

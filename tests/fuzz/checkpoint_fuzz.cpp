@@ -67,7 +67,7 @@ Bytes file_of(std::span<const std::byte> text, std::span<const std::byte> record
   ByteWriter w;
   for (const char c : std::string_view("DEBIASCP")) w.number(static_cast<unsigned char>(c));
   constexpr auto layout = static_cast<std::uint32_t>(Stream::layout_version);
-  for (const std::uint32_t number : {2U, 0x01020304U, layout}) w.number(number);
+  for (const std::uint32_t number : {3U, 0x01020304U, layout}) w.number(number);
   w.text({reinterpret_cast<const char*>(text.data()), text.size()});
   w.number(crc32(w.bytes));
   ByteReader r(records);

@@ -8,7 +8,8 @@
 //   replay        the same (seed, index, level) gives the same bits and uses the same random numbers
 //   base          at level 0 the difference is the value
 //   work          is positive and finite
-//   telescoping   E I_k - E I_(k-1) = E D_k, the three means from independent streams
+//   telescoping   E I_k - E I_(k-1) = E D_k, the three means from independent streams; where hooks give differences only,
+//                 no run checks its coupling (core/coupling.hpp), and these laws alone do
 //   same means    value_at(k), difference_at(k) and shared(N, m), where offered, mean what I_k and D_k mean
 //   batches       values, differences and shared of many members, where offered, are those of one by one
 //   rates         log2 E D_k^2 and log2 E work_k have the declared slopes over the upper levels

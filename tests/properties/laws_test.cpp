@@ -81,7 +81,7 @@ TEST_CASE("fill gives the numbers of single calls however it is cut, and a split
         RC_ASSERT(one.uniform() == u);
       }
     }
-    Stream early = child;
+    Stream early(child);
     Stream late = many.split(7);
     RC_ASSERT(early.uniform() == late.uniform());
   });

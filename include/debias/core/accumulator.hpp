@@ -4,6 +4,7 @@
 //
 //   Moments      count, mean and central sums of (x - mean)^2, ^3, ^4            [Pebay, SAND2008-6212]
 //   LevelTable   per level: count, sums of D, D^2, D^4 and of the work; the base on a row of its own
+//   CouplingTable  per level: moments of I_k and of its coarse partner, where draws have values (core/coupling.hpp)
 //   Extremes     the 4096 largest and smallest values, the 32 largest in magnitude with index and level,
 //                and the samples that are not finite
 //   Accumulator  moments, components, levels and work of one range of samples; ranges merge left to right
@@ -23,6 +24,7 @@
 #include <utility>
 #include <vector>
 
+#include <debias/core/coupling.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/value.hpp>
 
@@ -252,6 +254,7 @@ struct Accumulator {
   Moments moments;
   ComponentMoments components;
   LevelTable levels;
+  CouplingTable coupling;
   double work = 0;
 
   /// Adds the sums of the range that follows this one.
@@ -261,6 +264,7 @@ struct Accumulator {
     moments = {};
     components.clear();
     levels.clear();
+    coupling.clear();
     work = 0;
   }
 };
@@ -268,21 +272,41 @@ struct Accumulator {
 /// The sample loop's end of the statistics, one for each thread: the Record of the estimator, and the samples.
 class Recorder {
  public:
-  /// Samples before `known` are in the extremes already.
-  void begin_chunk(std::int64_t first_index, std::int64_t known = 0) {
+  /// Samples before `known` are in the extremes already. What `checks` the coupling costs a tenth of the cheapest draws, so
+  /// that not all chunks of a long run do.
+  void begin_chunk(std::int64_t first_index, std::int64_t known = 0, bool checks = true) {
+    checks_ = checks;
     sums_.clear();
     block_first_ = first_index;
     known_ = known;
     filled_ = 0;
   }
 
-  void base(std::int64_t level, double value, double work) { sums_.levels.add_base(level, value, work); }
-  void difference(std::int64_t level, double d, double work) { sums_.levels.add(level, d, work); }
+  /// All three throw std::invalid_argument for work that is negative or not finite.
+  void base(std::int64_t level, double value, double work) {
+    detail::check_work(level, work);
+    sums_.levels.add_base(level, value, work);
+  }
+  void difference(std::int64_t level, double d, double work) {
+    detail::check_work(level, work);
+    sums_.levels.add(level, d, work);
+  }
+  /// I_level and D_level as a view sees them, where a draw has both; the value of a base, where it has only that.
+  void pair(std::size_t view, std::int64_t level, double value, double d) {
+    if (checks_) coupling_.pair(view, level, value, d);
+  }
+  void pair(std::int64_t level, double value, double d) {
+    if (checks_) coupling_.pair(level, value, d);
+  }
+  void value(std::size_t view, std::int64_t level, double x) {
+    if (checks_) coupling_.base(view, level, x);
+  }
 
   template <Value V>
   void add(const Sample<V>& sample) {
+    detail::check_work(sample.level, sample.work);
     if constexpr (!RealValue<V>) sums_.components.add(sample.value);
-    values_[filled_] = as_scalar(sample.value);
+    values_[filled_] = debias::as_scalar(sample.value);
     levels_[filled_] = sample.level;
     sums_.work += sample.work;
     if (++filled_ == block_size) flush();
@@ -293,6 +317,7 @@ class Recorder {
 
   [[nodiscard]] const Accumulator& end_chunk() {
     flush();
+    coupling_.finish(sums_.coupling);
     return sums_;
   }
   [[nodiscard]] Extremes& extremes() { return extremes_; }
@@ -303,6 +328,8 @@ class Recorder {
   void flush();
 
   Accumulator sums_;
+  CouplingSums coupling_;
+  bool checks_ = true;
   Extremes extremes_;
   std::int64_t block_first_ = 0;
   std::int64_t known_ = 0;

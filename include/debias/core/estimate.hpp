@@ -17,12 +17,15 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/stream.hpp>
 
@@ -31,9 +34,15 @@ namespace debias {
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
-Statistics run(const Plan& plan, std::string estimator, std::int64_t chunk, const ChunkBody& body);
-/// The plan with the samples that its goal asks for; adds the time that finding out took.
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, double& seconds);
+Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body);
+/// Throws std::invalid_argument for plans that no run has, or none of this estimator.
+using PlanCheck = std::function<void(const Plan& plan)>;
+/// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
+Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
+                   const std::function<double(const Statistics& pilot)>& bias);
+void check_plan(const Plan& plan);
+/// Says that a run had so many threads, and no more.
+std::string fewer_threads_text(int threads);
 void check_goal(const Goal& goal);
 
 /// Samples of a chunk.
@@ -46,15 +55,26 @@ std::int64_t chunk_of(const E& estimator) {
   }
 }
 
+/// Whose results a run of the estimator gives.
+template <Estimator E>
+Identity identity_of(const E& estimator) {
+  Identity identity{.estimator = description(estimator), .type = &typeid(E)};
+  if constexpr (HasName<E>) identity.name = estimator.name();
+  return identity;
+}
+
 Statistics merge(const Statistics& a, const Statistics& b);
 /// From the base or the level above it on, as far as they matter.
 Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability);
 /// Says so where the standard error is below the rounding of the values themselves.
 void warn_of_single_precision(Statistics& statistics, double epsilon);
+/// Judges the coupling of the levels, and warns first of all of a wrong one.
+void judge_coupling(Statistics& statistics, double epsilon);
 
 template <Value V>
 Statistics with_rounding(Statistics statistics) {
   constexpr double epsilon = epsilon_of<V>();
+  judge_coupling(statistics, epsilon);
   if constexpr (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(statistics, epsilon);
   return statistics;
 }
@@ -63,7 +83,8 @@ Statistics with_rounding(Statistics statistics) {
 
 /// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
 /// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
-/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop.
+/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
+/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
 /// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
 template <Estimator E>
 Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
@@ -72,7 +93,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   const auto draw = [&](std::int64_t i, auto& record) {
     Stream rng(plan.seed, static_cast<std::uint64_t>(i));
     if (pilot) rng = split(rng, Branch::pilot);
-    return draw_sample(estimator, rng, record);
+    return debias::draw_sample(estimator, rng, record);
   };
   Plan fixed = plan;
   if constexpr (Rehearses<E>) fixed.threads = 1;
@@ -99,15 +120,28 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   };
-  double pilot_seconds = 0;
+  const auto check = [&](const Plan& wanted) {
+    detail::check_plan(wanted);
+    if constexpr (StatesReach<E>) {
+      const std::int64_t whole = std::max(wanted.whole, wanted.samples);
+      detail::require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
+    }
+  };
   if (plan.goal.asked()) {
     pilot = true;
-    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, pilot_seconds);
+    const auto bias = [&]([[maybe_unused]] const Statistics& s) {
+      if constexpr (StatesBias<E>) {
+        return estimator.bias_bound(s.state.total().levels).size;
+      } else {
+        return 0.0;
+      }
+    };
+    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, check, bias);
     pilot = false;
   }
-  Statistics statistics = detail::run(fixed, description(estimator), detail::chunk_of(estimator), body);
+  check(fixed);
+  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
-  statistics.pilot_seconds = pilot_seconds;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
     for (LevelRow& row : statistics.levels) {
@@ -128,23 +162,22 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
 /// The result with more samples: all that it has count, those up to plan.samples or as many as the goal asks for are
 /// drawn, with the bits of one run of that size. The goal's pilot has streams of its own, so the samples that came
 /// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the result.
-/// Throws std::invalid_argument for another estimator, or for fewer samples than the result has.
+/// Throws std::invalid_argument for another estimator (another type, description or name), or for fewer samples than the
+/// result has. An estimator of the same type over other data looks the same: `named` tells them apart.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  if (result.estimator != description(estimator)) {
-    throw std::invalid_argument("extend: the result is of another estimator (" + result.estimator + ", not " +
-                                description(estimator) + ")");
-  }
+  result.state.identity.demand_same(detail::identity_of(estimator), "extend");
   plan.seed = result.seed;
   plan.first = result.first;
   if (plan.goal.asked()) plan.samples = result.samples;  // at least
   plan.earlier = std::make_shared<RunState>(result.state);
-  return estimate(estimator, plan);
+  return debias::estimate(estimator, plan);
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
 /// the bits of a single run where the ranges meet at a multiple of the chunk.
-/// Throws std::invalid_argument for another estimator, law or seed, an overlap, a gap, or a cut chunk.
+/// Throws std::invalid_argument for another estimator (another type, description or name), law or seed, an overlap, a gap, or
+/// a cut chunk. Estimators of one type over different data look the same: `named` tells them apart.
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {
   if constexpr (RealValue<V> || ComplexValue<V>) {
@@ -174,16 +207,35 @@ template <Estimator E>
 Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
   struct TraceRecord {
     std::vector<TracedLevel> levels;
-    void base(std::int64_t level, double value, double work) { levels.push_back({true, level, value, work}); }
-    void difference(std::int64_t level, double d, double work) { levels.push_back({false, level, d, work}); }
+    void base(std::int64_t level, double value, double work) { add({true, level, value, work}); }
+    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}); }
+    void add(const TracedLevel& l) {
+      detail::check_work(l.level, l.work);
+      levels.push_back(l);
+    }
   } record;
   Stream rng(seed, static_cast<std::uint64_t>(index));
   try {
-    auto sample = draw_sample(estimator, rng, record);
+    auto sample = debias::draw_sample(estimator, rng, record);
+    detail::check_work(sample.level, sample.work);
     return {std::move(sample), std::move(record.levels)};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);
   }
+}
+
+// What is no estimator.
+template <class E>
+requires(!Estimator<E>) auto estimate(const E& /*estimator*/, const Plan& /*plan*/ = {}) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E, class R>
+requires(!Estimator<E>) auto extend(const E& /*estimator*/, const R& /*result*/, const Plan& /*plan*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
+}
+template <class E>
+requires(!Estimator<E>) auto trace(const E& /*estimator*/, std::uint64_t /*seed*/, std::int64_t /*index*/) {
+  return detail::refuse<detail::mistake_in_estimator<E>(), E>();
 }
 
 }  // namespace debias

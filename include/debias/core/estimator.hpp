@@ -12,6 +12,7 @@
 #include <concepts>
 #include <cstdint>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -75,7 +76,7 @@ auto draw_sample(const E& e, Stream& rng, R& record) {
 /// The value type of an estimator's samples.
 template <Estimator E>
 using estimate_value_t =
-    decltype(draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
+    decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
 
 /// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
 /// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
@@ -101,7 +102,13 @@ concept KnowsProbabilities = requires(const E& e, std::int64_t level) {
   { e.probability(level) } -> std::same_as<double>;
 };
 
-/// What an estimator calls itself, law and base level included; results of different names do not merge.
+/// An estimator that its user has given a name.
+template <class E>
+concept HasName = requires(const E& e) {
+  { e.name() } -> std::convertible_to<std::string>;
+};
+
+/// What an estimator calls itself, law and base level included; results of different ones do not merge.
 template <Estimator E>
 std::string description(const E& e) {
   if constexpr (requires {
@@ -110,6 +117,41 @@ std::string description(const E& e) {
     return e.describe();
   } else {
     return "user-defined estimator";
+  }
+}
+
+namespace detail {
+/// A function, which cannot be inherited from.
+template <class F>
+struct Function {
+  F function;
+  auto operator()(Stream& rng) const { return function(rng); }
+};
+}  // namespace detail
+
+/// An estimator that its user has given a name: it offers all that the estimator itself offers.
+template <class E>
+class Named : public E {
+ public:
+  Named(std::string name, E estimator) : E(std::move(estimator)), name_(std::move(name)) {}
+  [[nodiscard]] const std::string& name() const { return name_; }
+
+ private:
+  std::string name_;
+};
+
+/// The estimator under a name: `named("gas, mu = 3", single_term(s, law))`. Results print it, files keep it, and results of
+/// another name refuse to merge. Take one where equal types stand for different data, which nothing else tells apart: one
+/// lambda that captured a 3 and then a 4, two functions of one signature, the contents of a std::function.
+/// Throws std::invalid_argument for an empty name.
+template <Estimator E>
+auto named(std::string name, E estimator) {
+  static_assert(!std::is_final_v<E>, "named() inherits from the estimator: its class must not be final");
+  if (name.empty()) throw std::invalid_argument("named: an empty name (tells nothing apart); leave named() out");
+  if constexpr (std::is_class_v<E>) {
+    return Named<E>(std::move(name), std::move(estimator));
+  } else {
+    return Named<detail::Function<E>>(std::move(name), {std::move(estimator)});
   }
 }
 

@@ -34,21 +34,28 @@ concept DescribedPmf = Pmf<P> && requires(const P& p) {
   { p.spec() } -> std::same_as<std::string>;
 };
 
+/// A number that stands for no level.
+[[noreturn]] void refuse_uniform(double u);
+
 /// The largest j >= 0 with u <= tail(j), from a guess that is close: sampling a law is inverting its tail.
+/// Throws std::invalid_argument unless u > 0.
 template <class Tail>
 requires std::invocable<const Tail&, std::int64_t> std::int64_t invert_tail(const Tail& tail, double u,
                                                                             std::int64_t guess) {
+  if (!(u > 0)) [[unlikely]]
+    refuse_uniform(u);
   std::int64_t j = guess > 0 ? guess : 0;
   while (j > 0 && u > tail(j)) --j;
   while (u <= tail(j + 1)) ++j;
   return j;
 }
 
-/// 1 / probability. Throws std::length_error where the probability has underflowed: a weight of infinity or a
-/// clamped one would be a wrong number.
+/// 1 / probability. Throws std::length_error where the probability has underflowed (a weight of infinity or a clamped one
+/// would be a wrong number), or is no number; and std::domain_error where it is above 1, and 1 / p would be too small.
 double inverse_weight_error(double probability, std::int64_t level);
 inline double inverse_weight(double probability, std::int64_t level) {
-  if (probability >= std::numeric_limits<double>::min()) [[likely]]
+  constexpr double one = 1 + 0x1p-20;  // tails are sums, and rounded
+  if (probability >= std::numeric_limits<double>::min() && probability <= one) [[likely]]
     return 1.0 / probability;
   return inverse_weight_error(probability, level);
 }

@@ -15,11 +15,13 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/coupling.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/verdict.hpp>
 
@@ -30,10 +32,23 @@ namespace detail {
 class Ranks;  // src/core/ranks.hpp
 }
 
+/// What was drawn to choose an estimator or its samples: it counts in the work and the seconds of the result, not in its
+/// mean.
+struct PilotCost {
+  double work = 0;
+  double seconds = 0;
+
+  PilotCost& operator+=(const PilotCost& other) {
+    work += other.work;
+    seconds += other.seconds;
+    return *this;
+  }
+};
+
 /// A wish that a pilot, on streams of its own, turns into a number of samples before the run starts: at most one of
 /// the three. A run that stopped when its error looks small would stop just before the rare large sample.
 struct Goal {
-  double error = 0;           ///< standard error; its norm, for a value with several components
+  double error = 0;  ///< root of squared standard error and squared stated bias; its norm, for several components
   double relative_error = 0;  ///< the same, in units of the mean
   double seconds = 0;         ///< of pilot and run together
 
@@ -55,8 +70,13 @@ struct Plan {
   /// Called on the calling thread about once a second, where the run ends and where it is interrupted, with the sums of
   /// the finished chunks and the plan that they belong to: what a later run with `earlier` goes on from.
   std::function<void(const RunState& finished, const Plan& plan)> save = {};
-  /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan.
+  /// Chunks that are not drawn again. Throws std::invalid_argument where they are not among the samples of the plan, or of
+  /// another estimator.
   std::shared_ptr<const RunState> earlier = {};
+  /// Spent before this run, by a recipe: counted in the result.
+  PilotCost pilot = {};
+  /// Samples of the run that these are a part of, a shard: they decide whether it can be drawn. 0: `samples`.
+  std::int64_t whole = 0;
   detail::Ranks* ranks = nullptr;  ///< processes that share the samples, see mpi.hpp
 };
 
@@ -105,6 +125,18 @@ struct ComponentEstimate {
   double standard_error = 0;
 };
 
+/// Whose sums they are. Within a process an estimator is known by its type, everywhere by what it calls itself and by the
+/// name that `named` gave it. Equal types over different data cannot be told apart: give them names.
+struct Identity {
+  std::string estimator = {};            ///< its description; empty where nothing is known
+  std::string name = {};                 ///< empty where it was given none
+  const std::type_info* type = nullptr;  ///< never in a file, nor sent to another rank
+
+  [[nodiscard]] bool known() const { return !estimator.empty(); }
+  /// Throws std::invalid_argument, with `who` in front, where `other` is known to be another estimator.
+  void demand_same(const Identity& other, const std::string& who) const;
+};
+
 /// The sums of a run as the open nodes of a binary tree over its chunks of samples (absolute index): what two
 /// results need in order to merge into the bits that one run would have given.
 class RunState {
@@ -117,7 +149,7 @@ class RunState {
   [[nodiscard]] std::int64_t chunk() const { return chunk_; }
   /// Adds the sums over samples [first, last) of one chunk, or of a part of it.
   void add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums);
-  /// Adds another state. Throws std::invalid_argument where both hold the same samples.
+  /// Adds another state. Throws std::invalid_argument where both hold the same samples, or are of two estimators.
   void merge(const RunState& other);
 
   [[nodiscard]] std::int64_t first() const;
@@ -132,8 +164,10 @@ class RunState {
   /// extremes keep its samples.
   std::int64_t reopen(std::int64_t end);
 
+  Identity identity;
   Extremes extremes;
-  double seconds = 0;  ///< of the runs that these sums are from
+  double seconds = 0;  ///< of the runs that these sums are from, without their pilots
+  PilotCost pilot;     ///< of these runs
 
  private:
   friend struct detail::Codec;
@@ -151,13 +185,14 @@ class RunState {
 /// Everything about a run that does not depend on the type of its values.
 struct Statistics {
   std::string estimator;
+  std::string name;  ///< that `named` gave the estimator; empty where it has none
   std::uint64_t seed = 0;
   std::int64_t first = 0;
   std::int64_t samples = 0;
   std::vector<ComponentEstimate> components;
-  Moments moments;  ///< of the scalar of a sample: the value itself, or its norm
-  double work = 0;  ///< total
-  double seconds = 0;
+  Moments moments;     ///< of the scalar of a sample: the value itself, or its norm
+  double work = 0;     ///< total, the pilot's too
+  double seconds = 0;  ///< likewise
   std::vector<LevelRow> levels;
   std::vector<LargeSample> largest;  ///< by magnitude, at most 32
   std::vector<double> upper_tail;    ///< at most 4096, descending
@@ -165,9 +200,12 @@ struct Statistics {
   std::int64_t nonfinite = 0;
   std::int64_t first_nonfinite = -1;
   BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
+  Coupling coupling;     ///< of the levels, where their draws have values
   std::vector<std::string> warnings;
+  int fewer_threads = 0;     ///< that drew, where as many as asked for could not be had; else 0
   Goal goal;                 ///< that was asked for
-  double pilot_seconds = 0;  ///< of the pilot that it took
+  double pilot_work = 0;     ///< of `work`, what a pilot took that chose the estimator or its samples
+  double pilot_seconds = 0;  ///< of `seconds`
   RunState state;
   Masses masses;                         ///< of the levels, where the estimator knows them
   std::vector<LevelFacts> pilot_levels;  ///< what a pilot saw of the same sequence; speaks for the verdict only
@@ -179,14 +217,17 @@ struct Statistics {
   [[nodiscard]] double total_error() const;
   /// Norm of the mean.
   [[nodiscard]] double size() const;
-  /// False when a goal was asked for and missed.
+  /// Standard error and stated bias together, sqrt(total_error()^2 + bias_bound.size^2): what a goal is judged by.
+  [[nodiscard]] double goal_error() const;
+  /// False when a goal was asked for and missed, or there is no number to judge.
   [[nodiscard]] bool goal_met() const;
-  /// 1 / (variance x seconds per sample), with the sum of the variances of all components; infinite for an
+  /// 1 / (variance x seconds per sample), the pilot's seconds among them, with the sum of the variances of all components; infinite for an
   /// estimator without variance.
   [[nodiscard]] double efficiency() const;
   /// Is the variance finite, and can the interval be trusted? From the levels and the largest samples of this run.
   [[nodiscard]] RunVerdict verdict() const { return judge(*this); }
-  [[nodiscard]] double work_per_sample() const { return work / static_cast<double>(samples); }
+  /// Of the samples alone, without the pilot.
+  [[nodiscard]] double work_per_sample() const { return (work - pilot_work) / static_cast<double>(samples); }
 };
 
 std::ostream& operator<<(std::ostream& out, const Statistics& statistics);

@@ -7,15 +7,17 @@
 // A BiasedSequence addresses its levels: `s(level, rng)` returns a coupled draw of I_k and D_k. A TermSequence
 // yields the terms of a series in order along one path: `s(rng)` returns a cursor, `cursor()` the next term.
 // Both are const callables of a Stream, a lambda will do; a `mutable` one, a data race in a parallel run, does
-// not compile. What is required: E D_k = E I_k - E I_(k-1) for every k (a survey checks it), work > 0, and
-// sum_k E|D_k| < infinity. Optional members, found by concepts:
+// not compile, nor does one that takes its Stream by value, whose numbers would all be equal. What is required: E D_k = E I_k -
+// E I_(k-1) for every k (every run checks it where draws have values), D_0 = I_0, work > 0, and sum_k E|D_k| < infinity.
+// Optional members, found by concepts:
 //
 //   value_at(level, rng)            -> Term: I_k alone, when the coarse partner costs extra
-//   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra
+//   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra; no run checks the coupling then
 //   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
 //   exact_from                      -> the level beyond which every D_k is zero
 //   limit                           -> Limit::constant where I_k tends to one number, whatever the draw
+//   deepest_level()                 -> int64: the last level that can be drawn (core/reach.hpp)
 //   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
 //                                      out[b] from the numbers of member b, equal to one by one up to rounding
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015); Misso et al., ACM TOG 41(4), 2022 (shared base).
@@ -26,7 +28,9 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/coupling.hpp>
 #include <debias/core/rates.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
@@ -65,7 +69,7 @@ Draw<V> base(const V& value, double work = 1) {
 /// A draw of a level above 0 from the fine estimate and its coupled coarse one.
 template <Value V>
 Draw<V> coupled(const V& fine, const V& coarse, double work = 1) {
-  return {fine, difference(fine, coarse), work};
+  return {fine, debias::difference(fine, coarse), work};
 }
 
 namespace detail {
@@ -84,7 +88,7 @@ inline constexpr bool is_shared_draw<SharedDraw<V>> = true;
 }  // namespace detail
 
 template <class S>
-concept BiasedSequence = requires(const S& s, std::int64_t level, Stream& rng) {
+concept BiasedSequence = requires(const S& s, const std::int64_t level, Stream& rng) {
   requires detail::is_draw<std::remove_cvref_t<decltype(s(level, rng))>>;
 };
 
@@ -108,7 +112,7 @@ template <class S>
 struct SequenceValue;
 template <BiasedSequence S>
 struct SequenceValue<S> {
-  using type = decltype(std::declval<const S&>()(std::int64_t{}, std::declval<Stream&>()).value);
+  using type = decltype(std::declval<const S&>()(std::declval<const std::int64_t&>(), std::declval<Stream&>()).value);
 };
 template <TermSequence S>
 requires(!BiasedSequence<S>) struct SequenceValue<S> {
@@ -154,24 +158,50 @@ template <class S>
 concept BatchesLevels = std::same_as < sequence_value_t<S>,
 double > &&(BatchesShared<S> || (!OffersSharedBase<S> && BatchesValues<S> && BatchesDifferences<S>));
 
-/// I_level alone, by the cheapest way that the sequence offers.
+/// A sequence that says that its differences are not finite wherever its values are not: then those that nobody needs
+/// are not computed.
+template <class S>
+concept ShowsInDifference = requires {
+  requires S::difference_shows_all;
+};
+
+namespace detail {
+/// Half a draw that is not finite spoils the other half: what a callable returned must not depend on which of them is
+/// asked for. Throws std::invalid_argument where a draw of level 0 has another difference than its value.
+template <BiasedSequence S>
+[[gnu::always_inline]] inline Draw<sequence_value_t<S>> whole_draw(const S& s, std::int64_t level, Stream& rng) {
+  Draw<sequence_value_t<S>> draw = s(level, rng);
+  if (level == 0) check_level_zero(draw.value, draw.difference);
+  if constexpr (!ShowsInDifference<S>) {
+    if (!debias::is_finite(draw.value)) [[unlikely]]
+      draw.difference = debias::nan_like(std::move(draw.difference));
+  }
+  return draw;
+}
+}  // namespace detail
+
+/// I_level alone, by the cheapest way that the sequence offers. Throws, like difference_of, std::invalid_argument where a
+/// draw of level 0 has another difference than its value.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> value_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersValueAt<S>) {
     return s.value_at(level, rng);
   } else {
     auto draw = s(level, rng);
+    if (level == 0) detail::check_level_zero(draw.value, draw.difference);
+    if (!debias::is_finite(draw.difference)) [[unlikely]]
+      draw.value = debias::nan_like(std::move(draw.value));
     return {std::move(draw.value), draw.work};
   }
 }
 
-/// D_level alone, by the cheapest way that the sequence offers.
+/// D_level alone, likewise.
 template <BiasedSequence S>
 Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& rng) {
   if constexpr (OffersDifferenceAt<S>) {
     return s.difference_at(level, rng);
   } else {
-    auto draw = s(level, rng);
+    auto draw = detail::whole_draw(s, level, rng);
     return {std::move(draw.difference), draw.work};
   }
 }
@@ -209,13 +239,20 @@ class LevelsOf {
     Term<value_type> term = cursor();
     value_type partial = term.value;
     double work = term.work;
+    detail::check_work(0, work);
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
-      partial = sum(std::move(partial), term.value);
+      detail::check_work(k, term.work);
+      partial = debias::sum(std::move(partial), term.value);
       work += term.work;
     }
+    // A term before the last one that is no number spoils the difference, too: the path is one draw.
+    if (!debias::is_finite(partial)) [[unlikely]]
+      term.value = debias::nan_like(std::move(term.value));
     return {std::move(partial), std::move(term.value), work};
   }
+
+  [[nodiscard]] std::int64_t deepest_level() const requires StatesDeepestLevel<S> { return terms_.deepest_level(); }
 
  private:
   S terms_;

@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 
 #include <Random123/philox.h>
 
@@ -32,13 +33,26 @@ double normal_quantile(double u);
 /// The same, bit for bit, of many numbers in place.
 void normal_quantiles(std::span<double> u);
 
-/// The random numbers of one sample. Copy it for common random numbers, split it for independent ones.
+/// The random numbers of one sample. `Stream(rng)` has the same numbers once more (common random numbers), `split` has
+/// independent ones. A callable that took its Stream by value would get the same numbers at every call, so a copy is
+/// made only where it is written: `f(rng)` and `Stream other = rng` do not copy.
+///
+/// A Stream is a UniformRandomBitGenerator: `std::gamma_distribution<>(2, 1)(rng)` works. The standard does not say how
+/// its distributions use the bits: their numbers differ between standard libraries, those of a Stream do not.
 class Stream {
  public:
+  using result_type = std::uint64_t;
+
   /// Changes whenever the same (seed, index, branch, position) would give another number.
   static constexpr int layout_version = 1;
 
   Stream(std::uint64_t seed, std::uint64_t index) : key_(seed), index_(index) {}
+
+  explicit Stream(const Stream&) = default;
+  Stream(Stream&&) = default;
+  Stream& operator=(const Stream&) = delete;  // write `rng = Stream(other)`
+  Stream& operator=(Stream&&) = default;
+  ~Stream() = default;
 
   /// 64 random bits. Inlined by force: a compiler that has inlined a few may call the others, at half the speed.
   [[gnu::always_inline]] std::uint64_t bits() {
@@ -47,6 +61,11 @@ class Stream {
     ++position_;
     return block_[second ? 1 : 0];
   }
+
+  /// The same, for the distributions of the standard library: every value from min() to max() is as likely.
+  [[gnu::always_inline]] result_type operator()() { return bits(); }
+  static constexpr result_type min() { return 0; }
+  static constexpr result_type max() { return ~result_type{0}; }
 
   /// Uniform in the open interval (0, 1); 1 - uniform() lies on the same lattice.
   [[gnu::always_inline]] double uniform() { return to_uniform(bits()); }
@@ -60,6 +79,24 @@ class Stream {
   /// The same numbers as uniforms.size() calls of uniform(), in order; many at once where the machine can.
   void fill(std::span<double> uniforms);
 
+  // A const Stream has nothing to give, and says so in one sentence.
+  template <class Of = void>
+  std::uint64_t bits() const {
+    return refuse_const<Of>();
+  }
+  template <class Of = void>
+  double uniform() const {
+    return refuse_const<Of>();
+  }
+  template <class Of = void>
+  double normal() const {
+    return refuse_const<Of>();
+  }
+  template <class Of = void>
+  double exponential() const {
+    return refuse_const<Of>();
+  }
+
   /// An independent stream; it does not depend on how much of this one has been used.
   [[nodiscard]] Stream split(std::uint64_t branch) const { return Stream(mix(key_, branch), index_); }
 
@@ -70,6 +107,13 @@ class Stream {
   friend class StreamBatch;
 
   [[gnu::always_inline]] void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
+
+  template <class Of>
+  static int refuse_const() {
+    static_assert(!std::is_void_v<Of>,
+                  "debias: this Stream is const, and a draw changes it; write (debias::Stream& rng), without const");
+    return 0;
+  }
 
   static double to_uniform(std::uint64_t bits) {
     return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52;  // 52 bits: with 53 the largest would round to 1

@@ -155,6 +155,46 @@ V zero_like(V v) {
   return v;
 }
 
+/// True where every component is finite.
+template <Value V>
+bool is_finite(const V& v) {
+  for (std::size_t i = 0; i < component_count(v); ++i) {
+    if (!std::isfinite(component(v, i))) return false;
+  }
+  return true;
+}
+
+/// True where some component is NaN.
+template <Value V>
+bool has_nan(const V& v) {
+  for (std::size_t i = 0; i < component_count(v); ++i) {
+    if (std::isnan(component(v, i))) return true;
+  }
+  return false;
+}
+
+/// NaN of the same shape as v: what is left of a value that was made of numbers that are none.
+template <Value V>
+V nan_like(V v) {
+  for (std::size_t i = 0; i < component_count(v); ++i) {
+    set_component(v, i, std::numeric_limits<double>::quiet_NaN());
+  }
+  return v;
+}
+
+/// Is a component of one half, not zero, so small beside that of the other that their mean and half difference know
+/// less than half of its digits?
+template <Value V>
+bool lopsided(const V& a, const V& b) {
+  for (std::size_t i = 0; i < component_count(a); ++i) {
+    const double x = std::abs(component(a, i));
+    const double y = std::abs(component(b, i));
+    const double small = y < x ? y : x;
+    if (small > 0 && small < 0x1p-26 * (y < x ? x : y)) return true;
+  }
+  return false;
+}
+
 /// The one number that level rows, third and fourth moments and the largest samples use: a real value itself,
 /// with its sign; of anything else the Euclidean norm over its components, safe from overflow.
 template <Value V>

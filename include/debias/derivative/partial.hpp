@@ -8,6 +8,7 @@
 // Assumes and fails as derivative.hpp does, on any one axis; the work is that of all axes.
 // Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 7.1.
 
+#include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -19,6 +20,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
@@ -59,7 +61,7 @@ class PartialDerivatives {
   using Partial = FiniteDifference<detail::AlongAxis<F, A>>;
 
   PartialDerivatives(const F& f, const A& at, J shape, const DifferenceOptions& options, const Rates& declared)
-      : rates(declared), shape_(zero_like(std::move(shape))) {
+      : rates(declared), shape_(debias::zero_like(std::move(shape))) {
     for (std::size_t i = 0; i < component_count(at); ++i) {
       partials_.emplace_back(detail::AlongAxis<F, A>{f, at, i}, component(at, i), options, declared);
     }
@@ -92,16 +94,26 @@ class PartialDerivatives {
     return all;
   }
 
+  [[nodiscard]] std::int64_t deepest_level() const {
+    std::int64_t level = deepest_of_all;
+    for (const Partial& p : partials_) level = std::min(level, p.deepest_level());
+    return level;
+  }
+
   /// On the norm of the error: as if each axis had the differences of all.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     double squares = 0;
-    std::string sentence;
-    for (const Partial& p : partials_) {
-      BiasBound bound = p.bias_bound(levels);
+    BiasBound largest;
+    std::size_t axis = 0;
+    for (std::size_t i = 0; i < partials_.size(); ++i) {
+      BiasBound bound = partials_[i].bias_bound(levels);
       squares += bound.size * bound.size;
-      sentence = std::move(bound.sentence);
+      if (i > 0 && bound.size <= largest.size) continue;
+      largest = std::move(bound);
+      axis = i;
     }
-    return {std::sqrt(squares), "norm over the axes; the last: " + sentence};
+    return {std::sqrt(squares),
+            "norm over the axes; the largest, of axis " + std::to_string(axis) + ": " + largest.sentence};
   }
 
   Rates rates;
@@ -121,15 +133,30 @@ class PartialDerivatives {
 /// The gradient of x -> f(x) or x -> E f(x, rng) at a vector, as a vector of its type.
 /// Throws as finite_difference does, for each axis.
 template <class F, ArrayValue A>
-PartialDerivatives<F, A, A> gradient(F f, const A& at, const DifferenceOptions& options = {}) {
+requires ParameterFunction<detail::AlongAxis<F, A>> PartialDerivatives<F, A, A> gradient(
+    F f, const A& at, const DifferenceOptions& options = {}) {
   return {f, at, at, options, detail::smooth_rates(options)};
 }
 
 /// The Jacobian of a vector-valued f, in a column-major matrix like `shape`: row r, column i is df_r / dx_i.
 /// Throws as finite_difference does, and std::invalid_argument for a shape of another size.
 template <class F, ArrayValue A, ArrayValue J>
-PartialDerivatives<F, A, J> jacobian(F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
+requires ParameterFunction<detail::AlongAxis<F, A>> PartialDerivatives<F, A, J> jacobian(
+    F f, const A& at, const J& shape, const DifferenceOptions& options = {}) {
   return {f, at, J(J::Zero(shape.rows(), shape.cols())), options, detail::smooth_rates(options)};
+}
+
+template <class F, ArrayValue A>
+requires(!ParameterFunction<detail::AlongAxis<F, A>>) auto gradient(const F& /*f*/, const A& /*at*/,
+                                                                    const DifferenceOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const A&>(),
+                        F>();
+}
+template <class F, ArrayValue A, class J>
+requires(!ParameterFunction<detail::AlongAxis<F, A>>) auto jacobian(const F& /*f*/, const A& /*at*/, const J& /*shape*/,
+                                                                    const DifferenceOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_parameter_function<F, detail::Mistake::no_function_of_parameter, const A&>(),
+                        F>();
 }
 
 }  // namespace debias

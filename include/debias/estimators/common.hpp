@@ -17,6 +17,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/pmf/geometric.hpp>
 
@@ -35,9 +36,52 @@ inline Geometric default_law(const Rates& rates) {
     throw std::invalid_argument(
         "law: the differences decay like a power of the level (under a geometric law their variance is infinite); "
         "name the law Zeta(" +
-        std::to_string(exponent) + ")");
+        detail::format("%f", exponent) + ")");
   }
   return Geometric::with_exponent(exponent);
+}
+
+/// A sequence whose differences come with the values of their level: its runs check the coupling.
+template <class S>
+concept GivesValues = BiasedSequence<S> &&(!OffersDifferenceAt<S>)&&(!OffersSharedBase<S>);
+
+/// A sequence that has a value beside some of its differences, and then calls `report(value, difference)`.
+template <class S>
+concept ReportsValues = requires(const S& s, std::int64_t level, Stream& rng,
+                                 void (*report)(const sequence_value_t<S>&, const sequence_value_t<S>&)) {
+  s.difference_at(level, rng, report);
+};
+
+/// I_level, told to the record as its base.
+template <BiasedSequence S, Record R>
+[[gnu::always_inline]] inline Term<sequence_value_t<S>> recorded_base(const S& sequence, std::int64_t level,
+                                                                      Stream& rng, R& record) {
+  auto term = debias::value_of(sequence, level, rng);
+  record.base(level, debias::as_scalar(term.value), term.work);
+  if constexpr (GivesValues<S> || ReportsValues<S>) record_value(record, level, term.value);
+  return term;
+}
+
+/// D_level, told to the record, with I_level where the draw has it.
+template <BiasedSequence S, Record R>
+[[gnu::always_inline]] inline Term<sequence_value_t<S>> recorded_difference(const S& sequence, std::int64_t level,
+                                                                            Stream& rng, R& record) {
+  using V = sequence_value_t<S>;
+  if constexpr (ReportsValues<S>) {
+    auto term =
+        sequence.difference_at(level, rng, [&](const V& value, const V& d) { record_pair(record, level, value, d); });
+    record.difference(level, debias::as_scalar(term.value), term.work);
+    return term;
+  } else if constexpr (GivesValues<S>) {
+    auto draw = whole_draw(sequence, level, rng);
+    record.difference(level, debias::as_scalar(draw.difference), draw.work);
+    record_pair(record, level, draw.value, draw.difference);
+    return {std::move(draw.difference), draw.work};
+  } else {
+    auto term = debias::difference_of(sequence, level, rng);
+    record.difference(level, debias::as_scalar(term.value), term.work);
+    return term;
+  }
 }
 
 /// I_m + weight D_level, both from the draws of the level where the sequence shares them.
@@ -47,17 +91,17 @@ Sample<sequence_value_t<S>> base_and_difference(const S& sequence, std::int64_t 
   Stream level_stream = split_level(rng, level);
   if constexpr (OffersSharedBase<S>) {
     auto both = sequence.shared(level, m, level_stream);
-    record.base(m, as_scalar(both.base), 0.0);
-    record.difference(level, as_scalar(both.difference), both.work);
-    return {sum(std::move(both.base), scaled(std::move(both.difference), weight)), both.work, level};
+    record.base(m, debias::as_scalar(both.base), 0.0);
+    record.difference(level, debias::as_scalar(both.difference), both.work);
+    return {debias::sum(std::move(both.base), debias::scaled(std::move(both.difference), weight)), both.work, level};
   } else {
     Stream base_stream = split_level(rng, m);
     // Nearly every base is level 0: known to the compiler, it leaves no trace of the level in the sequence.
-    auto base = m == 0 ? value_of(sequence, 0, base_stream) : value_of(sequence, m, base_stream);
-    auto term = difference_of(sequence, level, level_stream);
-    record.base(m, as_scalar(base.value), base.work);
-    record.difference(level, as_scalar(term.value), term.work);
-    return {sum(std::move(base.value), scaled(std::move(term.value), weight)), base.work + term.work, level};
+    auto base =
+        m == 0 ? recorded_base(sequence, 0, base_stream, record) : recorded_base(sequence, m, base_stream, record);
+    auto term = recorded_difference(sequence, level, level_stream, record);
+    return {debias::sum(std::move(base.value), debias::scaled(std::move(term.value), weight)), base.work + term.work,
+            level};
   }
 }
 

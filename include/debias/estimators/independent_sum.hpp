@@ -16,6 +16,8 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -50,15 +52,13 @@ class IndependentSum {
   template <Record R>
   Sample<value_type> draw(std::int64_t deepest, const Stream& rng, R& record) const {
     Stream base_stream = split_level(rng, base_level_);
-    auto base = value_of(sequence_, base_level_, base_stream);
-    record.base(base_level_, as_scalar(base.value), base.work);
+    auto base = detail::recorded_base(sequence_, base_level_, base_stream, record);
     Sample<value_type> sample{std::move(base.value), base.work, deepest};
     for (std::int64_t level = base_level_ + 1; level <= deepest; ++level) {
       Stream level_stream = split_level(rng, level);
-      auto term = difference_of(sequence_, level, level_stream);
-      record.difference(level, as_scalar(term.value), term.work);
+      auto term = detail::recorded_difference(sequence_, level, level_stream, record);
       const double weight = inverse_weight(probability(level), level);
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       sample.work += term.work;
     }
     return sample;
@@ -68,6 +68,9 @@ class IndependentSum {
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(sequence_, law_, base_level_, base_level_);
   }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", law_, base_level_); }
@@ -91,6 +94,18 @@ requires DeclaresRates<S> IndependentSum<S, Geometric> independent_sum(S sequenc
                                                                        const IndependentSumOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)&&!std::same_as<P, IndependentSumOptions>) auto independent_sum(
+    const S& /*sequence*/, const P& /*pmf*/, const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(BiasedSequence<S> && DeclaresRates<S>)) auto independent_sum(const S& /*sequence*/,
+                                                                        const IndependentSumOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_levels<S>(), S>();
 }
 
 }  // namespace debias

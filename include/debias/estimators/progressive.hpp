@@ -21,7 +21,10 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/estimators/common.hpp>
 
 namespace debias {
@@ -47,12 +50,12 @@ struct Schedule {
   void check(const char* estimator) const {
     detail::check_base_level(estimator, base_level);
     if (first_step > 0 && doublings > 0 && std::isfinite(first_step) && std::isfinite(doublings)) return;
-    throw std::invalid_argument(std::string(estimator) + ": first_step = " + std::to_string(first_step) +
-                                ", doublings = " + std::to_string(doublings) + " (must be positive and finite)");
+    throw std::invalid_argument(std::string(estimator) + ": first_step = " + detail::format("%f", first_step) +
+                                ", doublings = " + detail::format("%f", doublings) + " (must be positive and finite)");
   }
   [[nodiscard]] std::string describe() const {
-    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + std::to_string(first_step) + ") / " +
-           std::to_string(doublings) + ")";
+    return "base level " + std::to_string(base_level) + " + floor(log2(1 + i / " + detail::format("%f", first_step) +
+           ") / " + detail::format("%f", doublings) + ")";
   }
 };
 
@@ -77,6 +80,11 @@ class Progressive {
 
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  /// As if every sample had the base level of the last one.
+  [[nodiscard]] Reach reach(std::int64_t last) const {
+    const std::int64_t m = schedule_.level(static_cast<std::uint64_t>(last));
+    return detail::reach_of(sequence_, law_, m, m + 1);
   }
 
   [[nodiscard]] std::string describe() const {
@@ -104,11 +112,14 @@ class Averaged {
   Sample<value_type> operator()(Stream& rng, R& record) const {
     const std::int64_t m = schedule_.level(rng.index());
     Stream base_stream = split_level(rng, m);
-    auto base = value_of(sequence_, m, base_stream);
-    record.base(m, as_scalar(base.value), base.work);
+    auto base = debias::value_of(sequence_, m, base_stream);
+    record.base(m, debias::as_scalar(base.value), base.work);
     return {std::move(base.value), base.work, m};
   }
 
+  [[nodiscard]] Reach reach(std::int64_t last) const {
+    return detail::reach_of_level(sequence_, schedule_.level(static_cast<std::uint64_t>(last)));
+  }
   [[nodiscard]] std::string describe() const { return "averaged (biased), " + schedule_.describe(); }
 
  private:
@@ -126,6 +137,17 @@ Progressive<S, P> progressive(S sequence, P law, const Schedule& schedule = {}) 
 template <BiasedSequence S>
 Averaged<S> averaged(S sequence, const Schedule& schedule = {}) {
   return {std::move(sequence), schedule};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> && Pmf<P>)) auto progressive(const S& /*sequence*/, const P& /*pmf*/,
+                                                          const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!BiasedSequence<S>) auto averaged(const S& /*sequence*/, const Schedule& /*schedule*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -10,18 +10,23 @@
 // nu_k = ||I - I_(k-1)||^2 - ||I - I_k||^2), finite work needs it to be summable against the work of a term.
 // Instead of a law a policy may decide from term to term: IndexRoulette before a term is drawn, RunningWeight
 // after, by its size. With a base level they make a deterministic prefix ("CMF") [Georgiev et al. 2019].
+// A probability that is negative or not finite throws std::domain_error; one above 1 keeps the term as 1 does.
 
 #include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
 
@@ -61,17 +66,19 @@ class Roulette {
     auto cursor = terms_(path);
     auto term = cursor();
     Sample<value_type> sample{std::move(term.value), term.work, last};
+    detail::check_work(0, term.work);
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
-      sample.value = sum(std::move(sample.value), term.value);
+      detail::check_work(k, term.work);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     for (std::int64_t level = base_level_ + 1; level <= last; ++level) {
       term = cursor();
-      record.difference(level, as_scalar(term.value), term.work);
-      sample.value =
-          sum(std::move(sample.value), scaled(std::move(term.value), inverse_weight(probability(level), level)));
+      record.difference(level, debias::as_scalar(term.value), term.work);
+      sample.value = debias::sum(std::move(sample.value),
+                                 debias::scaled(std::move(term.value), inverse_weight(probability(level), level)));
       sample.work += term.work;
     }
     return sample;
@@ -79,6 +86,9 @@ class Roulette {
 
   /// What the term of a level is divided by.
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(terms_, law_, base_level_, base_level_);
+  }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] std::string describe() const { return detail::describe("roulette", law_, base_level_); }
 
@@ -125,11 +135,11 @@ struct IndexRoulette {
   /// Throws std::invalid_argument unless c is positive and finite.
   explicit IndexRoulette(double factor) : c(factor) {
     if (c > 0 && std::isfinite(c)) return;
-    throw std::invalid_argument("IndexRoulette: c = " + std::to_string(c) + " (must be positive and finite)");
+    throw std::invalid_argument("IndexRoulette: c = " + detail::format("%f", c) + " (must be positive and finite)");
   }
   double operator()(std::int64_t level) const { return std::min(1.0, c / static_cast<double>(level)); }
   [[nodiscard]] static TailExponent tail_exponent() { return {Rates::faster_than_any}; }
-  [[nodiscard]] std::string spec() const { return "index:c=" + std::to_string(c); }
+  [[nodiscard]] std::string spec() const { return "index:c=" + detail::format("%f", c); }
 };
 
 /// Keeps a term with probability min(1, size / reference) ("cumulative"): kept ones have at least the size of
@@ -141,13 +151,14 @@ class RunningWeight {
   /// Throws std::invalid_argument unless the reference is positive and finite.
   explicit RunningWeight(double size_of_first_term) : reference_(size_of_first_term), inverse_(1 / size_of_first_term) {
     if (reference_ > 0 && std::isfinite(reference_) && std::isfinite(inverse_)) return;
-    throw std::invalid_argument("RunningWeight: reference = " + std::to_string(reference_) +
+    throw std::invalid_argument("RunningWeight: reference = " + detail::format("%f", reference_) +
                                 " (must be positive and finite: the size of the first term, say)");
   }
   double operator()(std::int64_t /*level*/, double size) const {
-    return size > 0 ? std::min(1.0, size * inverse_) : 0.5;
+    if (size > 0) return std::min(1.0, size * inverse_);
+    return size == 0 ? 0.5 : std::numeric_limits<double>::quiet_NaN();  // no size: PolicyRoulette throws
   }
-  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + std::to_string(reference_); }
+  [[nodiscard]] std::string spec() const { return "running-weight:reference=" + detail::format("%f", reference_); }
 
  private:
   double reference_;
@@ -178,19 +189,21 @@ class PolicyRoulette {
     auto cursor = terms_(path);
     auto term = cursor();
     Sample<value_type> sample{std::move(term.value), term.work, base_level_};
+    detail::check_work(0, term.work);
     for (std::int64_t k = 1; k <= base_level_; ++k) {
       term = cursor();
-      sample.value = sum(std::move(sample.value), term.value);
+      detail::check_work(k, term.work);
+      sample.value = debias::sum(std::move(sample.value), term.value);
       sample.work += term.work;
     }
-    record.base(base_level_, as_scalar(sample.value), sample.work);
+    record.base(base_level_, debias::as_scalar(sample.value), sample.work);
     double weight = 1;
     for (std::int64_t level = base_level_ + 1; level - base_level_ <= most_terms; ++level) {
       if constexpr (!LatePolicy<C>) {
-        if (!keep(policy_(level), decisions, weight)) return sample;
+        if (!keep(policy_(level), level, decisions, weight)) return sample;
       }
       term = cursor();
-      const double size = as_scalar(term.value);
+      const double size = debias::as_scalar(term.value);
       record.difference(level, size, term.work);
       sample.level = level;
       sample.work += term.work;
@@ -201,9 +214,11 @@ class PolicyRoulette {
           if (size == 0 && cursor.ended()) return sample;
         }
         // What is not finite must reach the mean, and has no probability.
-        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), decisions, weight)) return sample;
+        if (std::isfinite(size) && !keep(policy_(level, std::abs(size) * weight), level, decisions, weight)) {
+          return sample;
+        }
       }
-      sample.value = sum(std::move(sample.value), scaled(std::move(term.value), weight));
+      sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
     }
     throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a law");
@@ -222,11 +237,19 @@ class PolicyRoulette {
   static constexpr std::int64_t most_terms = 1'000'000'000;
 
   // Plays for one term, and divides the weight by the probability of going on.
-  static bool keep(double probability, Stream& decisions, double& weight) {
+  static bool keep(double probability, std::int64_t level, Stream& decisions, double& weight) {
+    if (!(probability >= 0 && probability <= std::numeric_limits<double>::max())) [[unlikely]]
+      refuse(probability, level);
     if (probability >= 1) return true;
     if (!(decisions.uniform() < probability)) return false;
     weight /= probability;
     return true;
+  }
+
+  [[noreturn]] static void refuse(double probability, std::int64_t level) {
+    throw std::domain_error("roulette: the policy keeps the term of level " + std::to_string(level) +
+                            " with probability " + std::to_string(probability) +
+                            " (must lie in [0, 1]; 0 ends the sum)");
   }
 
   S terms_;
@@ -238,6 +261,19 @@ class PolicyRoulette {
 template <TermSequence S, RoulettePolicy C>
 PolicyRoulette<S, C> roulette(S terms, C policy, const RouletteOptions& options = {}) {
   return {std::move(terms), std::move(policy), options};
+}
+
+// What is none of these.
+template <class S, class P>
+requires(!(TermSequence<S> && (Pmf<P> || RoulettePolicy<P>)) &&
+         !std::same_as<P, RouletteOptions>) auto roulette(const S& /*terms*/, const P& /*pmf*/,
+                                                          const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_terms_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(TermSequence<S> && DeclaresRates<S>)) auto roulette(const S& /*terms*/,
+                                                               const RouletteOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_terms<S>(), S>();
 }
 
 }  // namespace debias

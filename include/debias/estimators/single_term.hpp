@@ -23,6 +23,8 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -64,10 +66,9 @@ class SingleTerm {
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::drawn) {
       Stream level_stream = split_level(rng, level);
-      auto term = level == m ? value_of(sequence_, level, level_stream) : difference_of(sequence_, level, level_stream);
-      level == m ? record.base(m, as_scalar(term.value), term.work)
-                 : record.difference(level, as_scalar(term.value), term.work);
-      return {scaled(std::move(term.value), weight), term.work, level};
+      auto term = level == m ? detail::recorded_base(sequence_, level, level_stream, record)
+                             : detail::recorded_difference(sequence_, level, level_stream, record);
+      return {debias::scaled(std::move(term.value), weight), term.work, level};
     }
     return detail::base_and_difference(sequence_, m, level, weight, rng, record);
   }
@@ -103,6 +104,9 @@ class SingleTerm {
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(sequence_, law_, options_.base_level, first_level());
+  }
   [[nodiscard]] const P& law() const { return law_; }
   [[nodiscard]] const S& sequence() const { return sequence_; }
 
@@ -134,6 +138,19 @@ template <BiasedSequence S>
 requires DeclaresRates<S> SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
   const Rates rates = sequence.rates;
   return {std::move(sequence), detail::default_law(rates), options};
+}
+
+// What is neither.
+template <class S, class P>
+requires(!(BiasedSequence<S> &&
+           Pmf<P>)&&!std::same_as<P, SingleTermOptions>) auto single_term(const S& /*sequence*/, const P& /*pmf*/,
+                                                                          const SingleTermOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
+}
+template <class S>
+requires(!(BiasedSequence<S> && DeclaresRates<S>)) auto single_term(const S& /*sequence*/,
+                                                                    const SingleTermOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_rated_levels<S>(), S>();
 }
 
 }  // namespace debias

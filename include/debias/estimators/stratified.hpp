@@ -29,6 +29,7 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/estimators/common.hpp>
@@ -107,10 +108,17 @@ class Stratified {
   [[nodiscard]] double probability(std::int64_t level) const { return estimator_.probability(level); }
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
+  [[nodiscard]] const std::string& name() const requires HasName<E> { return estimator_.name(); }
   /// Samples of a chunk: about 1024 members.
   [[nodiscard]] std::int64_t chunk() const {
     const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
     return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, default_chunk);
+  }
+  /// Strata change nothing of how likely a member reaches a level.
+  [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> {
+    Reach reach = estimator_.reach(last);
+    reach.members *= block_;
+    return reach;
   }
   /// Strata leave the mean of a member where it is.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
@@ -119,7 +127,7 @@ class Stratified {
 
   [[nodiscard]] std::string describe() const {
     return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
-           description(estimator_);
+           debias::description(estimator_);
   }
 
  private:
@@ -156,11 +164,11 @@ class Stratified {
       for (std::int64_t j = 1; j < block_; ++j) {
         level = level_of(j);
         auto next = estimator_.draw(level, member(rng, j), record);
-        sample.value = sum(std::move(sample.value), next.value);
+        sample.value = debias::sum(std::move(sample.value), next.value);
         sample.work += next.work;
         sample.level = sample.level > next.level ? sample.level : next.level;
       }
-      sample.value = scaled(std::move(sample.value), 1 / static_cast<double>(block_));
+      sample.value = debias::scaled(std::move(sample.value), 1 / static_cast<double>(block_));
       return sample;
     }
   }
@@ -195,6 +203,7 @@ class Stratified {
     double residual = rest_tail_;
     for (std::int64_t j = levels; j-- > 0;) {
       const double expected = n * estimator_.law().mass(j);
+      if (!(expected >= 0 && expected <= 2 * n)) refuse_mass(j, expected / n);
       const double whole = std::floor(expected);
       residual += expected - whole;
       copies_[static_cast<std::size_t>(j)] = {first + j, static_cast<std::int64_t>(whole), residual};
@@ -202,10 +211,15 @@ class Stratified {
   }
 
   [[noreturn]] void refuse_slow_tail() const {
-    throw std::invalid_argument("stratified: residual strata with " + description(estimator_) +
+    throw std::invalid_argument("stratified: residual strata with " + debias::description(estimator_) +
                                 " (its tail is not below 1 / " + std::to_string(block_) + " within " +
                                 std::to_string(most_copied_levels) +
                                 " levels: too slow, or no law); take Strata::systematic");
+  }
+
+  [[noreturn]] static void refuse_mass(std::int64_t j, double mass) {
+    throw std::invalid_argument("stratified: the law has the mass " + std::to_string(mass) + " at " +
+                                std::to_string(j) + " (must lie in [0, 1])");
   }
 
   [[nodiscard]] std::int64_t residual_level(double u) const {
@@ -229,6 +243,23 @@ class Stratified {
 template <StratifiableEstimator E>
 Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
   return {std::move(estimator), block, strata};
+}
+
+namespace detail {
+template <class E>
+constexpr Mistake mistake_in_strata() {
+  if constexpr (Estimator<E>) {
+    return Mistake::not_stratifiable;
+  } else {
+    return mistake_in_estimator<E>();
+  }
+}
+}  // namespace detail
+
+template <class E>
+requires(!StratifiableEstimator<E>) auto stratified(const E& /*estimator*/, std::int64_t /*block*/,
+                                                    Strata /*strata*/ = Strata::systematic) {
+  return detail::refuse<detail::mistake_in_strata<E>(), E>();
 }
 
 }  // namespace debias

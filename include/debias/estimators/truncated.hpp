@@ -11,6 +11,8 @@
 #include <utility>
 
 #include <debias/core/estimator.hpp>
+#include <debias/core/reach.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -29,11 +31,12 @@ class Truncated {
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     Stream level_stream = split_level(rng, level_);
-    auto term = value_of(sequence_, level_, level_stream);
-    record.base(level_, as_scalar(term.value), term.work);
+    auto term = debias::value_of(sequence_, level_, level_stream);
+    record.base(level_, debias::as_scalar(term.value), term.work);
     return {std::move(term.value), term.work, level_};
   }
 
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const { return detail::reach_of_level(sequence_, level_); }
   [[nodiscard]] std::string describe() const { return "truncated (biased), level " + std::to_string(level_); }
 
  private:
@@ -45,6 +48,11 @@ class Truncated {
 template <BiasedSequence S>
 Truncated<S> truncated(S sequence, std::int64_t level) {
   return {std::move(sequence), level};
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto truncated(const S& /*sequence*/, std::int64_t /*level*/) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

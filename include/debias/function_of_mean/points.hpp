@@ -100,7 +100,7 @@ struct GroupSums {
     auto next = group();
     using M = mean_t<std::remove_cvref_t<decltype(next())>>;
     M total(next());
-    for (std::int64_t i = 1; i < size; ++i) total = sum(std::move(total), M(next()));
+    for (std::int64_t i = 1; i < size; ++i) total = debias::sum(std::move(total), M(next()));
     return total;
   }
 };

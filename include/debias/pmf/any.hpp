@@ -12,7 +12,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <variant>
 
 #include <debias/core/pmf.hpp>
@@ -35,7 +34,14 @@ class AnyPmf {
   };
   static std::span<const Form> forms();
 
-  AnyPmf(Law law) : law_(std::move(law)) {}
+  AnyPmf(Law law);
+  // In the library, and not inline: g++ 12 takes the vectors of a variant that is moved for uninitialised, and says so
+  // in the user's program.
+  AnyPmf(const AnyPmf& other);
+  AnyPmf(AnyPmf&& other) noexcept;
+  AnyPmf& operator=(const AnyPmf& other);
+  AnyPmf& operator=(AnyPmf&& other) noexcept;
+  ~AnyPmf();
 
   /// Throws std::invalid_argument that names what is wrong with the text, with the nearest name where one is
   /// close, or what is wrong with the parameters of the law.

@@ -5,8 +5,8 @@
 //   p_j = (j+1)^(alpha-1) - (j+2)^(alpha-1),  P(J >= j) = (j+1)^(alpha-1),  p_j ~ j^(alpha-2)
 //
 // Under it the means of all weighted differences of a photon density are the same. The tail is the heaviest of all
-// laws here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3; sampling it
-// throws, since a cut would be a bias. Source: Misso et al., ACM TOG 41(4), 2022.
+// laws here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3: sampling it
+// throws, and runs that may need it are refused. Source: Misso et al., ACM TOG 41(4), 2022.
 
 #include <cmath>
 #include <cstdint>
@@ -14,6 +14,7 @@
 #include <string>
 
 #include <debias/core/pmf.hpp>
+#include <debias/core/text.hpp>
 
 namespace debias {
 
@@ -22,7 +23,8 @@ class RadiusLaw {
   /// Throws std::invalid_argument unless alpha lies in (0, 1).
   explicit RadiusLaw(double alpha) : alpha_(alpha) {
     if (alpha > 0 && alpha < 1) return;
-    throw std::invalid_argument("RadiusLaw: alpha = " + std::to_string(alpha) + " (must lie in (0, 1); 2/3 is usual)");
+    throw std::invalid_argument("RadiusLaw: alpha = " + detail::format("%f", alpha) +
+                                " (must lie in (0, 1); 2/3 is usual)");
   }
   [[nodiscard]] double tail(std::int64_t j) const { return std::pow(static_cast<double>(j) + 1, alpha_ - 1); }
   [[nodiscard]] double mass(std::int64_t j) const {
@@ -37,7 +39,7 @@ class RadiusLaw {
     return guess > 0x1p50 ? j : invert_tail([this](std::int64_t i) { return tail(i); }, u, j);
   }
   [[nodiscard]] TailExponent tail_exponent() const { return {2 - alpha_, Decay::polynomial}; }
-  [[nodiscard]] std::string spec() const { return "radius:alpha=" + std::to_string(alpha_); }
+  [[nodiscard]] std::string spec() const { return "radius:alpha=" + detail::format("%f", alpha_); }
 
  private:
   double alpha_;

@@ -7,8 +7,8 @@
 // With E D_j^2 ~ j^(-beta) and work ~ j^gamma, a single-term estimator has finite variance exactly when
 // s < beta - 1 and finite expected work exactly when s > gamma + 1; s > 1 in any case, and the mean level is
 // finite for s > 2 only. Tails are Hurwitz zeta functions by Euler-Maclaurin summation, within 1e-14.
-// Fails for s near 1: at s = 1.1, P(J >= 2^62) is 1.3 %, and such a level does not fit 64 bits; sampling it
-// throws, since a cut would be a bias.
+// Fails for s near 1: at s = 1.1, P(J >= 2^62) is 1.3 %, and such a level does not fit 64 bits; sampling it throws,
+// since a cut would be a bias, and a run that is likely to need one is refused (core/reach.hpp).
 // Sources: NIST DLMF 25.11.1 and 2.10.1 (Euler-Maclaurin).
 
 #include <array>

@@ -9,7 +9,8 @@
 //
 // A summary is copied once a path and sees its steps in order. One that takes bridges sees the coarse path
 // with the middle of each step filled in, and the numbers u of the fine one: then D_k is small, and E I_k the
-// same. Fails where the diffusion vanishes inside the path: b = 0 is no bridge but a line.
+// same. Fails where the diffusion vanishes inside the path: b = 0 is no bridge but a line. A NaN stays one, here and in
+// the payoff of a path (sde.hpp).
 // Source: Giles, Improved multilevel Monte Carlo convergence using the Milstein scheme, MCQMC 2006 (2008).
 
 #include <algorithm>
@@ -40,8 +41,9 @@ struct Bridge {
   }
   /// The probability to have crossed, from ends that lie `a` and `b` on the good side.
   [[nodiscard]] double crossing(double a, double b) const {
-    const double gap = std::max(a, 0.0) * std::max(b, 0.0);
-    return gap > 0 ? std::exp(-2 * gap / (diffusion * diffusion * length)) : 1;
+    const double gap = std::max(a, 0.0) * std::max(b, 0.0);  // in this order a NaN stays
+    if (gap > 0) return std::exp(-2 * gap / (diffusion * diffusion * length));
+    return std::isnan(gap) || std::isnan(diffusion) ? std::numeric_limits<double>::quiet_NaN() : 1;
   }
 
  private:
@@ -73,7 +75,10 @@ struct Minimum {
 
   void add(const Bridge& bridge, double u) {
     terminal = bridge.to;
-    minimum = std::min(minimum, bridge.minimum(u));
+    const double least = bridge.minimum(u);
+    minimum = std::min(minimum, least);
+    if (std::isnan(least)) [[unlikely]]
+      minimum = least;
   }
 };
 
@@ -85,7 +90,10 @@ struct Maximum {
 
   void add(const Bridge& bridge, double u) {
     terminal = bridge.to;
-    maximum = std::max(maximum, bridge.maximum(u));
+    const double greatest = bridge.maximum(u);
+    maximum = std::max(maximum, greatest);
+    if (std::isnan(greatest)) [[unlikely]]
+      maximum = greatest;
   }
 };
 
@@ -138,6 +146,8 @@ struct AverageOf {
   double length = 0;
 
   [[nodiscard]] double average() const { return integral / length; }
+  /// False once the function has returned a number that is not finite, or the integral has overflowed.
+  [[nodiscard]] bool finite() const { return std::isfinite(integral); }
   template <class State>
   void add(const State& from, const State& to, double step) {
     integral += step * (function(from) + function(to)) / 2;

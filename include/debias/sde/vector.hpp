@@ -15,6 +15,7 @@
 // Source: Giles & Szpruch, Ann. Appl. Probab. 24 (2014).
 
 #include <concepts>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -76,7 +77,10 @@ struct VectorMilsteinStep : VectorEulerStep {
     State correction = model.diffusion_along(x, t, moved) * dw;
     for (Eigen::Index j = 0; j < b.cols(); ++j) {
       const State column = b.col(j);
-      correction -= h * model.diffusion_along(x, t, column).col(j);
+      const auto along = model.diffusion_along(x, t, column).eval();
+      correction -= h * along.col(j);
+      if (!along.allFinite()) [[unlikely]]  // in another column, too
+        correction.setConstant(std::numeric_limits<double>::quiet_NaN());
     }
     return x + model.drift(x, t) * h + moved + correction / 2;
   }

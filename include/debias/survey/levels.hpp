@@ -24,6 +24,7 @@
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/statistics/evidence.hpp>
@@ -50,6 +51,8 @@ struct StrataMoments {
 struct LevelRuns {
   /// Draws plan.samples times (I_k, D_k).
   std::function<Statistics(std::int64_t level, const Plan& plan)> draw;
+  /// The last level that can be drawn.
+  std::int64_t deepest_level = deepest_of_all;
   /// Mean work of I_k alone and of D_k alone over a few draws.
   std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
   /// Empty where the sequence has no shared base.
@@ -70,7 +73,7 @@ struct Several {
   double flag = 0;
 
   friend Several operator+(Several a, const Several& b) {
-    for (std::size_t i = 0; i < n; ++i) a.parts[i] = sum(std::move(a.parts[i]), b.parts[i]);
+    for (std::size_t i = 0; i < n; ++i) a.parts[i] = debias::sum(std::move(a.parts[i]), b.parts[i]);
     a.flag += b.flag;
     return a;
   }
@@ -80,16 +83,16 @@ struct Several {
     return a;
   }
   /// The last of them: a survey keeps the tails of D_k.
-  friend double as_scalar(const Several& s) { return debias::as_scalar(s.parts[n - 1]); }
-  friend std::size_t component_count(const Several& s) { return n * debias::component_count(s.parts[0]) + 1; }
+  friend double as_scalar(const Several& s) { return as_scalar(s.parts[n - 1]); }
+  friend std::size_t component_count(const Several& s) { return n * component_count(s.parts[0]) + 1; }
   friend double component(const Several& s, std::size_t i) {
-    const std::size_t each = debias::component_count(s.parts[0]);
-    return i / each < n ? debias::component(s.parts[i / each], i % each) : s.flag;
+    const std::size_t each = component_count(s.parts[0]);
+    return i / each < n ? component(s.parts[i / each], i % each) : s.flag;
   }
   friend void set_component(Several& s, std::size_t i, double x) {
-    const std::size_t each = debias::component_count(s.parts[0]);
+    const std::size_t each = component_count(s.parts[0]);
     if (i / each < n) {
-      debias::set_component(s.parts[i / each], i % each, x);
+      set_component(s.parts[i / each], i % each, x);
     } else {
       s.flag = x;
     }
@@ -107,7 +110,8 @@ struct LevelDraw {
   Sample<Several<V, 3>> operator()(Stream& rng, R& record) const {
     Stream own = split_level(split(rng, Branch::pilot), level);
     auto draw = sequence(level, own);
-    const double size = as_scalar(draw.difference);
+    if (level == 0) check_level_zero(draw.value, draw.difference);
+    const double size = debias::as_scalar(draw.difference);
     record.difference(level, size, draw.work);
     V coarse = debias::difference(draw.value, draw.difference);
     return {{{std::move(draw.value), std::move(coarse), std::move(draw.difference)}, size != 0 ? 1.0 : 0.0},
@@ -127,7 +131,7 @@ struct SharedLevelDraw {
   Sample<Several<V, 3>> operator()(Stream& rng) const {
     Stream own = split_level(split(rng, Branch::pilot), level);
     auto both = sequence.shared(level, base_level, own);
-    V total = sum(both.base, both.difference);
+    V total = debias::sum(both.base, both.difference);
     return {{{std::move(both.base), std::move(both.difference), std::move(total)}, 0}, both.work, level};
   }
 };
@@ -171,6 +175,7 @@ struct TogetherDraw {
         for (const SharedDraw<double>& draw : std::span(both).first(n)) {
           bases.push_back(draw.base);
           differences.push_back(draw.difference);
+          check_work(level, draw.work);
           work += draw.work;
         }
       } else {
@@ -180,12 +185,15 @@ struct TogetherDraw {
         sequence.values(base_level, base_streams, some);
         for (const Term<double>& term : some) {
           bases.push_back(term.value);
+          check_work(base_level, term.work);
           work += term.work;
         }
         if (level > 0) sequence.differences(level, streams, some);
         for (const Term<double>& term : some) {
           differences.push_back(term.value);
-          if (level > 0) work += term.work;
+          if (level == 0) continue;
+          check_work(level, term.work);
+          work += term.work;
         }
       }
       j += static_cast<std::int64_t>(n);
@@ -207,8 +215,12 @@ std::pair<double, double> mean_work(const S& sequence, std::int64_t level, const
     const Stream sample = split(Stream(plan.seed, static_cast<std::uint64_t>(i)), Branch::pilot);
     Stream one = split_level(sample, level);
     Stream two = split_level(sample, level);
-    value += value_of(sequence, level, one).work;
-    difference += difference_of(sequence, level, two).work;
+    const double of_value = debias::value_of(sequence, level, one).work;
+    const double of_difference = debias::difference_of(sequence, level, two).work;
+    check_work(level, of_value);
+    check_work(level, of_difference);
+    value += of_value;
+    difference += of_difference;
   }
   constexpr double n = draws_for_work;
   return {value / n, difference / n};
@@ -222,8 +234,9 @@ SharedMoments shared_moments(const Statistics& statistics);
 template <BiasedSequence S>
 LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
+  runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
-    return estimate(detail::LevelDraw<S>{sequence, level}, plan);
+    return debias::estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
   if constexpr (DeclaresRates<S>) runs.facts.declared = sequence.rates;
@@ -231,16 +244,21 @@ LevelRuns level_runs(const S& sequence) {
   if constexpr (StatesLimit<S>) runs.facts.constant_limit = sequence.limit == Limit::constant;
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
-      return detail::shared_moments(estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+      return detail::shared_moments(debias::estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
     };
   }
   if constexpr (BatchesLevels<S>) {
     runs.together = [sequence](std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan) {
-      return detail::strata_moments(estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan),
-                                    members);
+      return detail::strata_moments(
+          debias::estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
     };
   }
   return runs;
+}
+
+template <class S>
+requires(!BiasedSequence<S>) auto level_runs(const S& /*sequence*/) {
+  return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
 }  // namespace debias

@@ -7,19 +7,23 @@
 // `g` is a generic callable (`[](const auto& x) { return log(x) * x; }`) that finds log and the like by
 // argument-dependent lookup. The radius of convergence is estimated by the root test, 1 / |c_k|^(1/k) over
 // the upper half of the orders: good enough to refuse a hopeless centre, no proof of a good one.
-// Fails beyond `order`: a law that gets there stops the run (std::length_error), since a cut would be a bias.
+// Fails beyond `order`: a run that is likely to get there is refused (core/reach.hpp), and one that gets there all the same
+// stops (std::length_error), since a cut would be a bias.
 // Not part of debias.hpp: it needs Boost.Math and compiles for seconds.
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include <boost/math/differentiation/autodiff.hpp>
+
+#include <debias/core/text.hpp>
 
 namespace debias {
 
@@ -36,6 +40,7 @@ class TabulatedSeries {
       power *= scale;
     }
   }
+  [[nodiscard]] static std::int64_t deepest_level() { return static_cast<std::int64_t>(order); }
   /// Throws std::length_error beyond the last order.
   double operator()() {
     if (k_ <= order) return c_[k_++];
@@ -58,6 +63,7 @@ struct Autodiff {
   G g;
 
   double operator()(double m) const { return g(m); }
+  [[nodiscard]] static std::int64_t deepest_level() { return static_cast<std::int64_t>(order); }
 
   /// Throws std::invalid_argument where a coefficient is not finite.
   TabulatedSeries<order> expand(double a) const {
@@ -67,7 +73,7 @@ struct Autodiff {
     for (std::size_t k = 0; k <= order; ++k) {
       c[k] = static_cast<double>(y.at(k));
       if (!std::isfinite(c[k])) {
-        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " + std::to_string(a) +
+        throw std::invalid_argument("autodiff: coefficient " + std::to_string(k) + " at " + detail::format("%f", a) +
                                     " is not finite (the function has no series there)");
       }
       if (2 * k > order) root = std::max(root, std::pow(std::abs(c[k]), 1 / static_cast<double>(k)));

@@ -27,6 +27,7 @@
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 #include <debias/taylor/terms.hpp>
 
 namespace debias {
@@ -162,6 +163,9 @@ class TaylorSum {
 
   /// What the term of a level is divided by.
   [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - options_.base_level); }
+  [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
+    return detail::reach_of(g_, law_, options_.base_level, options_.base_level);
+  }
   [[nodiscard]] const P& law() const { return law_; }
 
   [[nodiscard]] std::string describe() const {
@@ -170,7 +174,7 @@ class TaylorSum {
     if constexpr (drawn) {
       text += "drawn pivot, ";
     } else {
-      text += "centre " + std::to_string(pivot_) + ", ";
+      text += "centre " + detail::format("%f", pivot_) + ", ";
     }
     if constexpr (DescribedPmf<P>) {
       text += law_.spec();
@@ -209,7 +213,7 @@ class TaylorSum {
     } else {
       value = detail::constant<value_type>(g_.expand(pivot_)());
     }
-    record.base(0, as_scalar(value), work);
+    record.base(0, debias::as_scalar(value), work);
     return {std::move(value), work, 0};
   }
 
@@ -217,7 +221,7 @@ class TaylorSum {
   void add_terms(std::span<const double> x, double centre, std::size_t left_out, const Work& work,
                  std::span<double> terms) const {
     auto series = g_.expand(centre);
-    const double inverse_scale = 1 / series.scale;
+    const double inverse_scale = detail::inverse_of_scale(series.scale, centre);
     std::size_t n = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       if (i != left_out) work.factors[n++] = (x[i] - centre) * inverse_scale;
@@ -240,13 +244,15 @@ class TaylorSum {
     const double base_work =
         (drawn ? work_per_draw : 1) + static_cast<double>(draws_at(options_.base_level)) * work_per_draw;
     Sample<value_type> sample{term(0), base_work, order};
-    for (std::int64_t k = 1; k <= options_.base_level; ++k) sample.value = sum(std::move(sample.value), term(k));
-    record.base(options_.base_level, as_scalar(sample.value), base_work);
+    for (std::int64_t k = 1; k <= options_.base_level; ++k)
+      sample.value = debias::sum(std::move(sample.value), term(k));
+    record.base(options_.base_level, debias::as_scalar(sample.value), base_work);
     for (std::int64_t k = options_.base_level + 1; k <= order; ++k) {
       value_type v = term(k);
       const double work = static_cast<double>(draws_at(k) - draws_at(k - 1)) * work_per_draw;
-      record.difference(k, as_scalar(v), work);
-      sample.value = sum(std::move(sample.value), scaled(std::move(v), inverse_weight(probability(k), k)));
+      record.difference(k, debias::as_scalar(v), work);
+      sample.value =
+          debias::sum(std::move(sample.value), debias::scaled(std::move(v), inverse_weight(probability(k), k)));
       sample.work += work;
     }
     return sample;
@@ -267,6 +273,7 @@ TaylorSum<X, G, double, P> taylor_sum(X x, G g, double at, P law, const TaylorSu
 /// Throws std::invalid_argument where the terms do not fall, or the law has infinite variance or work.
 template <RandomVariable X, Expandable G, Pmf P>
 TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, const TaylorSumOptions& options = {}) {
+  detail::require_mean_square(centre);
   const double b = detail::decay(g, centre);
   detail::require_decay(b);
   if constexpr (DescribedPmf<P>) detail::require_survival(b, law.tail_exponent());
@@ -275,6 +282,17 @@ TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, con
 template <RandomVariable X, Expandable G, Pmf P>
 TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law, const TaylorSumOptions& options = {}) {
   return {std::move(x), std::move(g), pivot, std::move(law), options};
+}
+
+template <class X, class G, class At, class P>
+requires(!(RandomVariable<X> && Expandable<G> && Pmf<P>)) auto taylor_sum(const X& /*x*/, const G& /*g*/,
+                                                                          const At& /*at*/, const P& /*pmf*/,
+                                                                          const TaylorSumOptions& /*options*/ = {}) {
+  if constexpr (RandomVariable<X> && Expandable<G>) {
+    return detail::refuse<detail::mistake_in_pmf<P>(), P>();
+  } else {
+    return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
+  }
 }
 
 }  // namespace debias

@@ -20,7 +20,9 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/core/text.hpp>
 
 namespace debias {
 
@@ -49,7 +51,7 @@ struct Centre {
 /// The middle of bounds low <= X <= high. Throws std::invalid_argument unless low < high are finite.
 inline Centre centre_between(double low, double high) {
   if (!(low < high) || !std::isfinite(low) || !std::isfinite(high)) {
-    throw std::invalid_argument("centre_between: [" + std::to_string(low) + ", " + std::to_string(high) +
+    throw std::invalid_argument("centre_between: [" + detail::format("%f", low) + ", " + detail::format("%f", high) +
                                 "] (must be a finite interval that bounds X from both sides)");
   }
   const double half = (high - low) / 2;
@@ -78,7 +80,7 @@ Centre best_centre(const G& g, const Moments& pilot) {
   for (const double a : {pilot.mean - shift, pilot.mean + shift}) {
     const Centre other{a, mean_square_about(pilot, a)};
     if (!(g.expand(a).radius > g.expand(pilot.mean).radius)) continue;  // towards the singularity
-    if (decay(g, other) < decay(g, best)) best = other;
+    if (detail::decay(g, other) < detail::decay(g, best)) best = other;
   }
   return best;
 }
@@ -97,13 +99,13 @@ Centre centre(const G& g, const Moments& pilot) {
 /// with a centre where they do.
 template <Expandable G>
 Centre centre(const G& g, const Moments& pilot, double at) {
-  const Centre best = centre(g, pilot);
+  const Centre best = debias::centre(g, pilot);
   const Centre chosen{at, detail::mean_square_about(pilot, at)};
   const double b = detail::decay(g, chosen);
   if (!(b < 1)) {
-    throw std::invalid_argument("centre: at = " + std::to_string(at) + " (E (X - a)^2 / R^2 = " + std::to_string(b) +
-                                " must be below 1, else no law has finite variance); " + std::to_string(best.at) +
-                                " has " + std::to_string(detail::decay(g, best)));
+    throw std::invalid_argument("centre: at = " + detail::format("%f", at) + " (E (X - a)^2 / R^2 = " +
+                                detail::format("%f", b) + " must be below 1, else no law has finite variance); " +
+                                detail::format("%f", best.at) + " has " + std::to_string(detail::decay(g, best)));
   }
   return chosen;
 }
@@ -133,20 +135,35 @@ V constant(double c) {
   return v;
 }
 
+/// What a series of yours says of itself: a scale of infinity would make all factors zero.
+inline double inverse_of_scale(double scale, double at) {
+  const double inverse = 1 / scale;
+  if (std::isfinite(scale) && std::isfinite(inverse)) return inverse;
+  throw std::domain_error("taylor: the scale of the series at " + std::to_string(at) + " is " + std::to_string(scale) +
+                          " (must be finite and not 0)");
+}
+
+/// A mean square is at least 0, whatever the radius.
+inline void require_mean_square(const Centre& c) {
+  if (c.mean_square >= 0 && std::isfinite(c.mean_square)) return;
+  throw std::invalid_argument("taylor: Centre{" + std::to_string(c.at) +
+                              ", mean_square = " + std::to_string(c.mean_square) + "} (must be at least 0 and finite)");
+}
+
 /// Checks b < survival ratio < 1 as far as b is known.
 inline void require_decay(double b) {
-  if (b < 1) return;
-  throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + std::to_string(b) +
+  if (b >= 0 && b < 1) return;
+  throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
                               " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
                               "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
 }
 inline void require_survival(double b, const TailExponent& law) {
   const double survival = law.decay == Decay::polynomial ? 1 : std::exp2(-law.exponent);
   if (b == 0 || (b < survival && survival < 1)) return;
-  throw std::invalid_argument("taylor: the law goes on with probability " + std::to_string(survival) +
-                              " a term (must lie in (" + std::to_string(b) +
-                              ", 1) for finite variance and work: E (X - a)^2 / R^2 = " + std::to_string(b) +
-                              "); Geometric(" + std::to_string(1 - std::sqrt(b)) + ") is the best");
+  throw std::invalid_argument("taylor: the law goes on with probability " + detail::format("%f", survival) +
+                              " a term (must lie in (" + detail::format("%f", b) +
+                              ", 1) for finite variance and work: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
+                              "); Geometric(" + detail::format("%f", 1 - std::sqrt(b)) + ") is the best");
 }
 
 }  // namespace detail
@@ -159,7 +176,8 @@ class Taylor {
   static_assert(detail::Separable<value_type>, "X must be real, or an array of fixed size");
 
   /// Throws std::invalid_argument where g has no series at `at`, or X no fixed number of components.
-  Taylor(X x, const G& g, double at) : x_(std::move(x)), series_(g.expand(at)), at_(at) {
+  Taylor(X x, const G& g, double at)
+      : x_(std::move(x)), series_(g.expand(at)), at_(at), inverse_scale_(detail::inverse_of_scale(series_.scale, at)) {
     if (component_count(value_type{}) == 0) {
       throw std::invalid_argument("taylor: X has no fixed number of components (use an array of fixed size)");
     }
@@ -171,7 +189,7 @@ class Taylor {
 
    public:
     Cursor(const Taylor& taylor, Stream& rng)
-        : taylor_(&taylor), rng_(&rng), series_(taylor.series_), inverse_scale_(1 / taylor.series_.scale) {}
+        : taylor_(&taylor), rng_(&rng), series_(taylor.series_), inverse_scale_(taylor.inverse_scale_) {}
 
     Term<value_type> operator()() {
       if (at_start_) {
@@ -179,11 +197,11 @@ class Taylor {
         return {detail::constant<value_type>(series_()), 1};
       }
       taylor_->multiply(power_, value_type(taylor_->x_(*rng_)), inverse_scale_);
-      return {scaled(power_, series_()), detail::work_of(taylor_->x_)};
+      return {debias::scaled(power_, series_()), detail::work_of(taylor_->x_)};
     }
 
     /// True when a factor of zero leaves nothing for all later terms.
-    [[nodiscard]] bool ended() const { return as_scalar(power_) == 0; }
+    [[nodiscard]] bool ended() const { return debias::as_scalar(power_) == 0; }
 
    private:
     const Taylor* taylor_;
@@ -196,17 +214,25 @@ class Taylor {
 
   Cursor operator()(Stream& rng) const { return {*this, rng}; }
 
+  /// The last order of the series.
+  [[nodiscard]] std::int64_t deepest_level() const requires
+      StatesDeepestLevel<decltype(std::declval<const G&>().expand(0.0))> {
+    return series_.deepest_level();
+  }
+
   /// T_level alone; it takes `level` draws.
   Term<value_type> difference_at(std::int64_t level, Stream& rng) const {
     auto series = series_;
     double c = series();
     value_type power = detail::constant<value_type>(1);
-    const double inverse_scale = 1 / series_.scale;
+    double of_all = 0;  // stays 0 while coefficients are finite, those of the terms before, too
     for (std::int64_t k = 0; k < level; ++k) {
-      multiply(power, value_type(x_(rng)), inverse_scale);
+      of_all += 0 * c;
+      multiply(power, value_type(x_(rng)), inverse_scale_);
       c = series();
     }
-    return {scaled(std::move(power), c), 1 + static_cast<double>(level) * detail::work_of(x_)};
+    if (of_all != 0) c = of_all;
+    return {debias::scaled(std::move(power), c), 1 + static_cast<double>(level) * detail::work_of(x_)};
   }
 
   /// T_0 + ... + T_level, and T_level.
@@ -216,7 +242,7 @@ class Taylor {
     Draw<value_type> draw{term.value, term.value, term.work};
     for (std::int64_t k = 1; k <= level; ++k) {
       term = cursor();
-      draw.value = sum(std::move(draw.value), term.value);
+      draw.value = debias::sum(std::move(draw.value), term.value);
       draw.work += term.work;
     }
     draw.difference = std::move(term.value);
@@ -234,6 +260,7 @@ class Taylor {
   X x_;
   decltype(std::declval<const G&>().expand(0.0)) series_;
   double at_;
+  double inverse_scale_;
 };
 
 /// The same about a centre that is known to be good: it declares its rates, and refuses a law that does not
@@ -244,6 +271,7 @@ class RatedTaylor : public Taylor<X, G> {
   /// Throws std::invalid_argument where the squares of the terms do not fall.
   RatedTaylor(X x, const G& g, const Centre& c)
       : Taylor<X, G>(std::move(x), g, c.at), rates{-std::log2(detail::decay(g, c)), 0}, decay_(detail::decay(g, c)) {
+    detail::require_mean_square(c);
     detail::require_decay(decay_);
   }
   /// Throws std::invalid_argument for a law with infinite variance or work.
@@ -263,6 +291,22 @@ Taylor<X, G> taylor(X x, const G& g, double at) {
 template <RandomVariable X, Expandable G>
 RatedTaylor<X, G> taylor(X x, const G& g, const Centre& centre) {
   return {std::move(x), g, centre};
+}
+
+namespace detail {
+template <class X, class G>
+constexpr Mistake mistake_in_taylor() {
+  if constexpr (RandomVariable<X>) {
+    return Mistake::no_power_series;
+  } else {
+    return mistake_in_draws<X>();
+  }
+}
+}  // namespace detail
+
+template <class X, class G, class At>
+requires(!(RandomVariable<X> && Expandable<G>)) auto taylor(const X& /*x*/, const G& /*g*/, const At& /*at*/) {
+  return detail::refuse<detail::mistake_in_taylor<X, G>(), X, G>();
 }
 
 }  // namespace debias

@@ -6,6 +6,11 @@
 `problems()` lists the problems with known answers; `levels`, `function_of_mean` and `function_of_integral` make one of
 your own from a NumPy function. The same seed gives the same bits as the program `debias` and as C++, on any number of
 threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
+
+Every `seed` is a whole number of 64 bits, 1 where it is left out. None takes a fresh one from the operating system. A
+`numpy.random.Generator` gives its next 64 bits, `integers(2**64, dtype=uint64)`, so that each call is another run; a
+`numpy.random.SeedSequence` gives `generate_state(1, uint64)`, the same each time: spawn it for independent runs. The
+result holds the number that was taken, as `seed`.
 """
 
 from __future__ import annotations
@@ -14,8 +19,10 @@ import html
 import json
 import math
 import numbers
+import operator
+import secrets
 import warnings
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -27,13 +34,14 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "diagnose", "estimate", "estimators", "function_of_integral", "function_of_mean",
-    "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples", "stream_version", "survey",
-    "tradeoff",
+    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral",
+    "function_of_mean", "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
+    "stream_version", "survey", "tradeoff",
 ]
 
 Problem = _debias.UserProblem
 Number = Union[int, float, str]
+Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
@@ -103,6 +111,13 @@ class Report:
         """What is known of each level, as a structured array."""
         return _table(self._data["levels"])
 
+    @property
+    def seed(self) -> int:
+        """Of all random numbers, also where it was taken fresh: the same one gives the same bits."""
+        if "seed" not in self._data:
+            raise AttributeError(f"seed (a {type(self).__name__} draws nothing)")
+        return self._data["seed"]
+
 
 class Result(Report):
     """An estimate and its doubt."""
@@ -140,10 +155,6 @@ class Result(Report):
         return self._known("samples")
 
     @property
-    def seed(self) -> int:
-        return self._data["seed"]
-
-    @property
     def work(self) -> float:
         return _number(self._data["work"])
 
@@ -152,8 +163,18 @@ class Result(Report):
         return self._data["seconds"]
 
     @property
+    def pilot_work(self) -> float:
+        """Of `work`, what a pilot took that chose the estimator or its samples; of multilevel, the first draws."""
+        return _number(self._data["pilot_work"])
+
+    @property
+    def pilot_seconds(self) -> float:
+        """Of `seconds`."""
+        return self._data["pilot_seconds"]
+
+    @property
     def efficiency(self) -> float:
-        """1 / (variance x seconds per sample)."""
+        """1 / (variance x seconds per sample), the pilot's seconds among them."""
         return _number(self._known("efficiency"))
 
     @property
@@ -213,6 +234,27 @@ class Diagnosis(Report):
         return list(self._data["warnings"])
 
 
+class Samples(np.ndarray):
+    """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array."""
+
+    seed: Union[None, int, str] = None
+
+    def __array_finalize__(self, origin: Any) -> None:
+        self.seed = getattr(origin, "seed", None)
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        plain = np.asarray(array)
+        return plain if plain.ndim else plain[()]
+
+    def __reduce__(self) -> Any:
+        rebuild, arguments, state = super().__reduce__()
+        return rebuild, arguments, (state, self.seed)
+
+    def __setstate__(self, state: Any) -> None:
+        super().__setstate__(state[0])
+        self.seed = state[1]
+
+
 def _number(x: Any) -> float:
     return math.nan if x is None else x
 
@@ -247,6 +289,28 @@ def _word(name: str, value: Any) -> str:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
     return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+
+
+def _seed(seed: Any) -> Union[int, str]:
+    """The number that a seed stands for; a text is the program's word for one."""
+    if seed is None or (isinstance(seed, str) and seed == "random"):  # as the program says it
+        return secrets.randbits(64)
+    if isinstance(seed, str):
+        return seed
+    if isinstance(seed, np.random.Generator):
+        return int(seed.integers(2**64, dtype=np.uint64))
+    if isinstance(seed, np.random.SeedSequence):
+        return int(seed.generate_state(1, np.uint64)[0])
+    try:
+        if isinstance(seed, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(seed)
+    except TypeError:
+        raise TypeError(f"seed: {type(seed).__name__} (must be a whole number, None for a fresh one, or a Generator or "
+                        "SeedSequence of numpy.random)") from None
+    if not 0 <= number < 2**64:
+        raise ValueError(f"seed = {number} (must lie in 0 ... 2^64 - 1)")
+    return number
 
 
 def _problem(problem: Any) -> Any:
@@ -298,7 +362,7 @@ class _Bar:
 # ---- commands
 
 
-def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
              relative_error: Optional[Number] = None, time: Optional[Number] = None,
@@ -314,7 +378,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     Issues a DebiasWarning for each doubt of the result.
     """
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator,
+    words = _words(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator,
                    law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
                    error=error, relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
@@ -338,10 +402,14 @@ def _warn(result: Result) -> None:
         warnings.warn(text, category, stacklevel=3)
 
 
-def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: int = 0,
+def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
             estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
-            block: Optional[Number] = None, progress: Progress = None) -> np.ndarray:
-    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages."""
+            block: Optional[Number] = None, progress: Progress = None) -> Samples:
+    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages.
+
+    The array knows its `seed`.
+    """
+    seed = _seed(seed)
     for name, value, least in (("n", n, 1), ("first", first, 0)):
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
@@ -351,58 +419,96 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Number = 1, first: in
                    base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, words, int(n), int(first), bar)
-    return values.reshape(n, -1) if values.size != n else values
+    result = (values.reshape(n, -1) if values.size != n else values).view(Samples)
+    result.seed = seed
+    return result
 
 
-def replay(problem: Union[str, Problem], sample: Number, *, seed: Number, estimator: Optional[str] = None,
+def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
            law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
     """One sample of a run again, with every level that it touched."""
-    words = _words(sample=sample, seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
-                   base_level=base_level, block=block)
+    if seed is None or isinstance(seed, np.random.Generator):
+        raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
+                        "its result")
+    words = _words(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
+                   law=_law(_problem(problem), law, estimator), base_level=base_level, block=block)
     return Report(*_debias.replay(problem, words, None))
 
 
-def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Number = 1,
+def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Seed = 1,
            threads: Number = 0, progress: Progress = None) -> Report:
     """Measures the levels: how differences decay, how work grows, and whether a law exists."""
-    words = _words(levels=levels, samples=samples, seed=seed, threads=threads)
+    words = _words(levels=levels, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
         return Report(*_debias.survey(_problem(problem), words, bar))
 
 
 def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points: Number = 15,
-             samples: Number = 100_000, seed: Number = 1, threads: Number = 0, estimator: Optional[str] = None,
+             samples: Number = 100_000, seed: Seed = 1, threads: Number = 0, estimator: Optional[str] = None,
              base_level: Optional[Number] = None, block: Optional[Number] = None,
              progress: Progress = None) -> Report:
     """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
-    words = _words(family=family, points=points, samples=samples, seed=seed, threads=threads, estimator=estimator,
-                   base_level=base_level, block=block)
+    words = _words(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads,
+                   estimator=estimator, base_level=base_level, block=block)
     with _Bar(progress) as bar:
         return Report(*_debias.tradeoff(_problem(problem), words, bar))
 
 
-def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Number = 1, threads: Number = 0,
+def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
            relative_error: Optional[Number] = None, time: Optional[Number] = None,
            progress: Progress = None) -> Report:
     """What a pilot would choose: base level, law and strata, and what they are worth."""
-    words = _words(samples=samples, seed=seed, threads=threads, estimator=estimator, base_level=base_level,
+    words = _words(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
                    error=error, relative_error=relative_error, time=time, law="auto")
     with _Bar(progress) as bar:
         return Report(*_debias.recipe(_problem(problem), words, bar))
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
-    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides."""
-    array = np.asanyarray(values)
-    if array.dtype.kind not in "fiu":
+    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides.
+
+    Booleans are 0 and 1. What is masked, or NA in pandas, is left out; a warning of the result says how much.
+    """
+    array, missing = _numbers(values)
+    if array.dtype.kind not in "fiub":
         raise TypeError(f"values: an array of {array.dtype} (must be of real numbers)")
     diagnostician = _debias.Diagnostician()
-    pieces = np.nditer(array, flags=["external_loop", "buffered", "zerosize_ok"], op_dtypes=[np.float64],
+    pieces = np.nditer([array, np.False_ if missing is None else missing],
+                       flags=["external_loop", "buffered", "zerosize_ok"], op_dtypes=[np.float64, np.bool_],
                        casting="same_kind", order="C", buffersize=1 << 16)
-    for piece in pieces if array.size else ():
-        diagnostician.add(piece)
+    for piece, left_out in pieces if array.size else ():
+        diagnostician.add(piece, left_out)
     return Diagnosis(*diagnostician.finish(name))
+
+
+def _has_mask(values: Any) -> bool:
+    if isinstance(values, (list, tuple)):
+        return any(_has_mask(x) for x in values)
+    return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
+
+
+def _masked(values: Any) -> np.ma.MaskedArray:
+    nested = isinstance(values, (list, tuple)) and any(isinstance(x, (list, tuple)) for x in values)
+    return np.ma.stack([_masked(x) for x in values]) if nested else np.ma.array(values)
+
+
+def _numbers(values: Any) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+    """An array, and which of its numbers are missing: masked, or NA in one of pandas' types that can say so."""
+    kind = getattr(getattr(values, "dtype", None), "numpy_dtype", None)
+    if kind is not None and hasattr(values, "isna") and hasattr(values, "to_numpy"):
+        missing = np.asarray(values.isna(), dtype=bool)
+        array = values.to_numpy(dtype=kind, na_value=np.zeros((), kind)[()])
+    elif _has_mask(values):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # in lists: "a masked element to nan"
+            masked = _masked(values)
+        array, missing = masked.data, np.ma.getmaskarray(masked)
+        if missing.dtype != bool:  # of records, which are no numbers
+            missing = None
+    else:
+        array, missing = np.asarray(values), None
+    return np.asarray(array), missing if missing is not None and missing.any() else None
 
 
 def problems() -> list:
@@ -422,14 +528,16 @@ def laws() -> list:
 
 
 def normal_quantile(uniforms: Any) -> np.ndarray:
-    """Standard normal numbers from uniform ones, the bits of C++."""
-    return _debias.normal_quantile(uniforms)
+    """Standard normal numbers from uniform ones, the bits of C++. A mask stays."""
+    numbers_of = _debias.normal_quantile(uniforms)
+    return np.ma.array(numbers_of, mask=np.ma.getmaskarray(uniforms)) if _has_mask(uniforms) else numbers_of
 
 
 def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[int, Callable[[int], int]],
            work: Union[None, float, Callable[[int], float]] = None, components: Optional[int] = None,
            rates: Optional[Sequence[float]] = None, polynomial: bool = False, lowest_base: int = 0,
-           truth: Optional[float] = None, name: str = "levels", formula: str = "") -> Problem:
+           truth: Optional[float] = None, name: str = "levels", formula: str = "",
+           deepest_level: Optional[int] = None) -> Problem:
     """A sequence of coupled levels, in batches.
 
     differences(level, uniforms) sees an array (n, dimension(level)) of numbers in (0, 1), one row a draw, and returns
@@ -443,6 +551,8 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     work         of a draw, likewise; its dimension where it is not given
     rates        (beta, gamma): E D_k^2 falls like 2^(-beta k), work grows like 2^(gamma k); k^-beta and k^gamma if
                  `polynomial`. Without rates a pilot chooses the law.
+    deepest_level   the last level that can be drawn, where it is not the one with 2 ** 24 uniforms: a run that is likely
+                 to need a deeper one is refused before it starts, with a law or a number of samples that can be drawn
 
     The function is called once for each level and block of 65536 samples, on the thread that called `estimate`.
     """
@@ -466,6 +576,8 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     dimension_of = _function_of_level("dimension", dimension, whole=True)
     work_of = dimension_of if work is None else _function_of_level("work", work, whole=False)
     facts = _facts(name, formula, truth, rates, polynomial, lowest_base)
+    if deepest_level is not None:
+        facts["deepest_level"] = _whole("deepest_level", deepest_level, 0)
     return _debias.levels(facts, answer, lambda level: (dimension_of(level), work_of(level)),
                           0 if components is None else width)
 
@@ -513,7 +625,10 @@ def _mean(integrand: Any, g: str, points: str, dimension: int, low: float, high:
 
 def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs: np.ndarray) -> np.ndarray:
     where = "" if level is None else f" at level {level}"
-    array = np.asarray(out)
+    array, missing = _numbers(out)
+    if missing is not None:
+        raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left "
+                         "out would be a bias); return a number for each row")
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")

@@ -11,7 +11,7 @@ from typing import Any, Mapping, Optional, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 
-from . import Diagnosis, Report, diagnose
+from . import Diagnosis, Report, _numbers, diagnose
 
 __all__ = ["error_map", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
 
@@ -203,7 +203,8 @@ def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
 
     Above 1/2 the variance is infinite: a line of slope -2 is drawn to compare with.
     """
-    array = np.ravel(np.asarray(values, dtype=float))
+    array, missing = _numbers(values)
+    array = np.ravel(array if missing is None else array[~missing]).astype(float)
     verdict = diagnose(array)["verdict"]
     ax = _ax(ax)
     centre = np.median(array)
@@ -237,12 +238,12 @@ def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
 def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: Optional[str] = None,
               unit: str = "radiance", ax: Any = None) -> Any:
     """What an image misses: image - reference, or that in standard errors. Orange: too bright; purple: too dark."""
-    error = np.asarray(image, dtype=float) - np.asarray(reference, dtype=float)
+    error = np.ma.filled(np.ma.asarray(image, dtype=float) - np.ma.asarray(reference, dtype=float), np.nan)
     if standard_error is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             error = np.where(error == 0, 0.0, error / np.asarray(standard_error, dtype=float))
     if error.ndim == 3:
-        error = error.mean(axis=2)
+        error = error.mean(axis=2)  # a pixel without one of its numbers has none
     ax = _ax(ax)
     finite = np.abs(error[np.isfinite(error)])
     limit = float(np.quantile(finite, 0.995)) if finite.size else 1.0

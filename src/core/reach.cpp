@@ -1,0 +1,110 @@
+#include <debias/core/reach.hpp>
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include <debias/pmf/geometric.hpp>
+#include <debias/pmf/zeta.hpp>
+
+#include "core/text.hpp"
+
+namespace debias {
+namespace detail {
+
+double chance_beyond(double beyond, double members) { return -std::expm1(members * std::log1p(-beyond)); }
+
+double allowed_beyond(double members) { return -std::expm1(std::log1p(-Reach::threshold) / members); }
+
+namespace {
+
+// A PMF of the same kind that falls just fast enough: its exponent, to two digits, and its spec; or none.
+struct Steeper {
+  double exponent = 0;
+  std::string pmf;
+};
+
+Steeper steeper(const Reach& reach, double allowed) {
+  const std::int64_t outcome = reach.deepest - reach.first_level + 1;  // the first that cannot be drawn
+  if (outcome < 1) return {};
+  const auto hundredths = [](double x) { return std::ceil(100 * x - 1e-9) / 100; };
+  if (reach.decay == Decay::polynomial) {
+    double low = 1;  // bisection: the tail falls with s
+    double high = 2;
+    while (Zeta(high).tail(outcome) > allowed) {
+      low = high;
+      high *= 2;
+      if (high > 64) return {};
+    }
+    while (high - low > 1e-3) {
+      const double middle = (low + high) / 2;
+      (Zeta(middle).tail(outcome) > allowed ? low : high) = middle;
+    }
+    const Zeta law(hundredths(high));
+    return {law.tail_exponent().exponent, law.spec()};
+  }
+  for (double theta = hundredths(-std::log2(allowed) / static_cast<double>(outcome)); theta <= 53; theta += 0.01) {
+    theta = hundredths(std::max(theta, 0.01));
+    const Geometric law = Geometric::with_exponent(theta);
+    if (law.tail(outcome) <= allowed) return {theta, "geometric:theta=" + to_text(theta)};
+  }
+  return {};
+}
+
+// The largest number of members that the chance allows.
+double most_members(double beyond) {
+  if (!(beyond < 1)) return 0;
+  return std::floor(std::log1p(-Reach::threshold) / std::log1p(-beyond) * (1 + 1e-12));
+}
+
+std::string percent(double share) {
+  if (share > 0.995) return share < 1 ? "nearly 100 %" : "100 %";
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), 100 * share, std::chars_format::general, 2);
+  return std::string(text.data(), end.ptr) + " %";
+}
+
+}  // namespace
+
+void require_reach(const Reach& reach, std::int64_t samples) {
+  const double members = static_cast<double>(samples) * static_cast<double>(reach.members);
+  const double chance = chance_beyond(reach.beyond, members);
+  if (chance <= Reach::threshold) return;
+  const double most = most_members(reach.beyond) / static_cast<double>(reach.members);
+  const std::int64_t most_samples = most < 0x1p62 ? static_cast<std::int64_t>(most) : samples;
+  const Steeper other = steeper(reach, allowed_beyond(members));
+  std::string text = "samples = " + std::to_string(samples);
+  if (reach.members > 1) text += " blocks of " + std::to_string(reach.members);
+  const std::string deepest = reach.deepest == deepest_of_all ? "a level of 2^62 or more, which does not fit 64 bits,"
+                                                              : "a level beyond " + std::to_string(reach.deepest) +
+                                                                    ", the deepest that the sequence can draw,";
+  if (reach.first_level > reach.deepest) {
+    text += " (every one needs " + deepest + " since levels are drawn from " + std::to_string(reach.first_level) +
+            " on); take a lower base level";
+    throw UndrawableError(text, reach.deepest, chance, 0, "");
+  }
+  text += " (the chance that one of them needs " + deepest + " is " + percent(chance) + " under " +
+          (reach.pmf.empty() ? "this PMF" : reach.pmf) + ", and 0.1 % is allowed); ";
+  text += most_samples > 0 ? "take at most " + std::to_string(most_samples) + " samples"
+                           : "not even one sample can be drawn";
+  if (!other.pmf.empty()) {
+    text += ", or the PMF " + other.pmf;
+    if (reach.rates) {
+      const double bound = finite_exponents(*reach.rates).high;
+      const bool same_kind = reach.rates->decay == reach.decay;
+      if (!same_kind || !(other.exponent < bound)) {
+        text += " (whose variance is infinite by the declared rates: fewer samples or a lower base level are better)";
+      } else {
+        text += " (whose variance is finite by the declared rates, and larger)";
+      }
+    } else {
+      text += " (whose variance is finite if E D_k^2 falls faster, and larger)";
+    }
+  } else {
+    text += ", or a lower base level";
+  }
+  throw UndrawableError(text, reach.deepest, chance, most_samples, other.pmf);
+}
+
+}  // namespace detail
+}  // namespace debias

@@ -1,0 +1,74 @@
+#!/bin/sh
+# Every public factory is in the tests of tests/nan, which pour NaN and infinity into its callables, or below among those
+# that take none. Names each one that is in neither.
+set -eu
+here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
+
+# Functions that take no callable and draw nothing, by what they take.
+no_callable='
+ values:      as_scalar component component_count difference epsilon_of has_nan is_finite lopsided nan_like scaled
+              set_component sum zero_like
+ streams:     fill instructions normal_quantile normal_quantiles search_tails split split_level exp expm1 log log1p sin
+ numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws geometric_terms
+              poisson_quantile polynomial_terms power_law
+ laws, rates: best_masses best_tails convergence_rate default_exponent finite_exponents inverse_weight
+              inverse_weight_error invert_tail judge law_exists rates_of rates_of_sum refuse_uniform
+              tail_exponent_for
+ results:     batch_interval bound_of conclude fit_pareto interval_of median_of_means merge model_of name_of predict
+              samples_for_mean tail_index tail_size usable_tail_index with_error
+ what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:
+              advise description difference_of estimator_of level_runs ranks_of survey_level survey_within
+              term_moments value_of
+'
+
+# factories ROOT: the functions of the public headers that stand at namespace scope, without those of detail.
+factories() {
+  find "$1/include/debias" -name '*.hpp' | sort | while read -r file; do
+    awk '/^namespace (debias::)?detail \{/ { hidden = 1 } !hidden { print }
+         /^\}  \/\/ namespace (debias::)?detail/ { hidden = 0 }' "$file" |
+      sed -n -E '/^[a-zA-Z]/ {
+        /^(namespace|using|concept|struct|class|enum|template|static|friend|extern|inline constexpr)\>/ d
+        s/requires *\([^)]*\)//g
+        s/^(.*[ &*>])?([a-z_][a-z_0-9]*)\(.*$/\2/p
+      }'
+  done | sort -u
+}
+
+# check ROOT: prints the factories of a tree that no test covers.
+check() {
+  covered=$(cat "$here"/tests/nan/*_test.cpp | tr '\n' ' ' | grep -oE '\b(check|check_sequence|check_terms|check_run|covers)\( *"[a-z_0-9]+"' | sed 's/.*"\(.*\)"/\1/')
+  factories "$1" | while read -r name; do
+    printf '%s\n' $covered $no_callable | grep -qx "$name" ||
+      echo "$name: a public function that is in no test of tests/nan; check its callables there, or name it in $0 if it takes none"
+  done
+}
+
+# The check itself can fail: a factory that nobody has seen.
+wrong=$(mktemp -d)
+trap 'rm -rf "$wrong"' EXIT
+mkdir -p "$wrong/include/debias"
+cat > "$wrong/include/debias/new.hpp" <<'END'
+namespace debias {
+namespace detail {
+inline int hidden(int x) { return x; }
+}  // namespace detail
+template <class F>
+auto brand_new_estimator(F f, double x) {
+  return helper(f, x);
+}
+template <class F>
+requires(!Known<F>) Another<F> another_new_one(const F& f) {
+  return {f};
+}
+}  // namespace debias
+END
+found=$(check "$wrong" | wc -l)
+[ "$found" -eq 2 ] || { echo "the check found $found of 2 new factories"; check "$wrong"; exit 1; }
+known=$(factories "$here" | wc -l)
+[ "$known" -gt 100 ] || { echo "only $known public functions found: the headers are written otherwise"; exit 1; }
+
+bad=$(check "$here")
+[ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }
+calls=$(cat "$here"/tests/nan/*_test.cpp | tr '\n' ' ' |
+  grep -oE '\b(check|check_sequence|check_terms|check_run|covers)\( *"[^"]+", *(std::string\()?("[^"]+"|name_of\(where\))' | sed 's/^[a-z_]*( *//' | sort -u)
+echo "covered: $(printf '%s\n' "$calls" | cut -d, -f1 | sort -u | wc -l) factories, $(printf '%s\n' "$calls" | wc -l) callables"
