@@ -177,7 +177,12 @@ class Choice {
     if (drawable(best, setup)) return best;
     const double bound = range().high;
     double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
-    if (!(high > exponent) || !drawable(with(high), setup)) return best;  // the run will be refused
+    if (!(high > exponent) || !drawable(with(high), setup)) {
+      if (!survey_.evidence.polynomial || is_established()) return best;  // the run will be refused
+      // A power of 2 explains the levels, too.
+      const AnyPmf other = tables_of(setup, all)(geometric_exponent());
+      return drawable(other, setup) ? other : best;
+    }
     for (double low = exponent; high - low > 1e-3;) {
       const double middle = (low + high) / 2;
       (drawable(with(middle), setup) ? high : low) = middle;
@@ -190,6 +195,26 @@ class Choice {
   // The law for an exponent of its tail.
   [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
     if (survey_.evidence.polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
+    return tables_of(setup, all);
+  }
+
+  // A power of the level, and nothing else.
+  [[nodiscard]] bool is_established() const { return survey_.evidence.decay.value > 4 * survey_.evidence.decay.error; }
+
+  // Half the decay that those courses have which fall like a power of 2.
+  [[nodiscard]] double geometric_exponent() const {
+    constexpr double least = 0.02;
+    double sum = 0;
+    double count = 0;
+    for (const Course& c : survey_.evidence.courses) {
+      if (c.polynomial) continue;
+      sum += c.limit;
+      ++count;
+    }
+    return std::max(least, count > 0 ? sum / count / 2 : least);
+  }
+
+  [[nodiscard]] std::function<AnyPmf(double exponent)> tables_of(const Setup& setup, const TermMoments& all) const {
     TermMoments t = all;
     auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - setup.first_level()) + levels_beyond;
     // The table ends at the deepest level: what lies beyond is the tail's.
