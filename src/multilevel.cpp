@@ -18,6 +18,7 @@ namespace {
 constexpr double slowest_rate = 0.5;
 constexpr double fastest_rate = 1;         // of the mean, unless more is declared: few levels overstate it
 constexpr std::int64_t fewest_levels = 4;  // before anything is extrapolated
+constexpr double fewest_draws = 64;        // of the pilot of a deep level
 constexpr double enough_hits = 32;         // of a level, in its pilot
 constexpr double fewest_hits = 8;          // without which its variance is not known
 constexpr double pilot_share = 1.0 / 16;   // of the draws of a level, where these are many
@@ -106,7 +107,10 @@ class Driver {
   void add_level() {
     pilots_.emplace_back();
     levels_.emplace_back();
-    grow(pilots_.size() - 1, static_cast<double>(options_.first_draws));
+    // Deep levels are dear: about what the run will ask for, as far as the level above tells.
+    const auto first = static_cast<double>(options_.first_draws);
+    const bool extrapolated = std::ssize(pilots_) > fewest_levels && !wanted_.empty();
+    grow(pilots_.size() - 1, extrapolated ? std::clamp(wanted_.back(), std::min(fewest_draws, first), first) : first);
   }
 
   Statistics draws_of(std::size_t l, std::int64_t first, std::int64_t count) const {

@@ -371,7 +371,8 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, d
     return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
   }
   const auto n = static_cast<double>(pilot.samples);
-  const double doubt = 2 / std::sqrt(std::max(hits_of(pilot), 1.0));  // of the variance, at two errors
+  // Of the variance: with the aim below the wish, two errors.
+  const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
   double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.

@@ -571,7 +571,16 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   }
   const bool over = e.end != End::none && e.grade == Grade::shown;
   // Zeros: the rule of three. Too few votes for a course: as the work asks for.
+  // Before the first difference: as large as the value.
+  LevelFacts value;
   const LevelFacts* before = nullptr;
+  for (const LevelFacts& f : e.facts) {
+    if (!f.is_base || before != nullptr || !(f.value_variance > 0) || !std::isfinite(f.value_variance)) continue;
+    value = f;
+    value.second_moment = f.value_variance;
+    value.nonzero = 1;
+    before = &value;
+  }
   const double fall = (e.exponential_work ? e.work.value : 0) + 0.4;
   for (std::int64_t k = 1; k <= last; ++k) {
     Believed& here = at(k);
