@@ -208,6 +208,10 @@ TailIndex tail_index(std::span<const double> descending, std::int64_t samples, d
   for (const Step& s : steps) index.ties = index.ties || (&s != &steps.back() && s.count > 1);
   std::vector<double> x;
   for (std::size_t i = size; i-- > 0;) x.push_back(values[i] - index.cutoff);
+  if (!(first_quartile(x) > 0)) {  // a lattice as fine as rounding: no tail that doubles could show
+    index.state = TailState::bounded;
+    return index;
+  }
   index.state = TailState::fitted;
   index.k = with_weak_prior(shape_of(x), size);
   index.error = error_of(values, size, index.k);
