@@ -97,7 +97,8 @@ struct LevelsSay {
   LevelEvidence levels;
   SumVerdict sum;
   Doubt doubt;
-  double counted = 0;  // of the levels that are doubted, in the measured variance
+  double counted = 0;    // of the levels that are doubted, in the measured variance
+  bool changes = false;  // levels that are not yet typical
   std::vector<std::string> reasons;
 };
 
@@ -127,6 +128,7 @@ LevelsSay levels_say(const Statistics& s) {
   if (!s.pilot_levels.empty()) facts = together(s.pilot_levels, facts);
   const Evidence e = weigh(std::move(facts), s.sequence, true);
   say.reasons = e.reasons;
+  say.changes = e.changes || e.missing_moments || e.end != End::none;
   say.sum = judge(e, masses);
   l.available = e.end != End::none ? e.grade != Grade::open : !e.courses.empty();
   for (const LevelVoice& v : e.voices) l.votes += v.votes();
@@ -274,7 +276,14 @@ void combine(RunVerdict& v, const TailsSay& tails, const LevelsSay& say, bool ha
     Finiteness by_levels = Finiteness::undecided;
     if (sum.value == Value::finite && !l.contradicted) by_levels = Finiteness::finite;
     if (sum.value == Value::infinite) by_levels = Finiteness::infinite;
-    const Grade grade = by_levels == Finiteness::undecided ? Grade::open : sum.grade;
+    Grade grade = by_levels == Finiteness::undecided ? Grade::open : sum.grade;
+    // Too few levels to tell, or levels that lean there: the largest values have the last word, with a hedge.
+    constexpr double leaning = 0.9;
+    if (by_levels == Finiteness::undecided && tails.variance == Finiteness::infinite && !say.changes &&
+        (!l.available || l.diverges >= leaning)) {
+      by_levels = Finiteness::infinite;
+      grade = Grade::likely;
+    }
     const bool tails_decide = base_is_heavy && tails.variance != Finiteness::finite;
     if (!tails_decide) {
       v.variance = by_levels;

@@ -77,7 +77,10 @@ const LevelVoice* voice_at(const Evidence& e, std::int64_t level) {
 
 // The contributions fall over the last third of the votes: nothing infinite to be seen.
 bool do_not_fall(const std::vector<double>& contributions) {
-  if (contributions.size() < 4) return false;
+  if (contributions.size() < 3) return false;
+  if (contributions.size() == 3) {  // every step up
+    return contributions[1] > contributions[0] + 0.3 && contributions[2] > contributions[1] + 0.3;
+  }
   const std::size_t third = std::max<std::size_t>(1, contributions.size() / 3);
   const auto mean = [&](std::size_t first, std::size_t last) {
     double sum = 0;
@@ -207,11 +210,11 @@ SumVerdict judge(const Evidence& e, const Masses& masses) {
   const bool established = e.decay.value > 4 * e.decay.error || e.decay.value + 2.6 * e.decay.error < 0;
   const bool slow = !e.exponential_work && e.polynomial && !established;
   const bool drops = n >= 3 && sum.contributions[n - 1] < sum.contributions[n - 3] - 1;
-  if (e.changes || e.missing_moments || slow || drops || !do_not_fall(sum.contributions) || e.known < 4) return v;
+  if (e.changes || e.missing_moments || slow || drops || !do_not_fall(sum.contributions) || e.known < 3) return v;
   if (v.diverges >= 1 - shown_p) {
     v.value = Value::infinite;
     v.grade = e.known >= 6 && (e.exponential_work || !e.polynomial) ? Grade::shown : Grade::likely;
-  } else if (v.diverges >= 1 - likely_p && e.answer != Answer::open) {
+  } else if (v.diverges >= 1 - likely_p && e.known >= 4 && e.answer != Answer::open) {
     v.value = Value::infinite;
     v.grade = Grade::likely;
   }
