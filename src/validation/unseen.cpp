@@ -91,10 +91,9 @@ Opinion ask_of(const S& sequence, const Plan& plan) {
   }
   try {
     const Advice advice = debias::advise(debias::level_runs(sequence), plan);
-    // A refusal is a no, whatever it was called.
-    opinion.answer = Said::no;
-    opinion.grade = grade_of(advice.survey, said_of(advice.survey) == Said::no ? Certainty::shown : Certainty::likely);
-    if (opinion.grade == Certainty::open) opinion.grade = Certainty::likely;
+    // Today "cannot tell" refuses, too: that is open.
+    opinion.answer = said_of(advice.survey);
+    opinion.grade = opinion.answer == Said::open ? Certainty::open : grade_of(advice.survey, Certainty::shown);
     opinion.pilot_work = advice.pilot_work;
     if (!advice.survey.rows.empty()) opinion.deepest = advice.survey.rows.back().level;
     opinion.failed = advice.usable();
@@ -364,9 +363,9 @@ std::ostream& operator<<(std::ostream& out, const UnseenReport& report) {
         << (gate.holds ? "holds" : "FAILS") << '\n';
   }
   out << '\n'
-      << padded("", 24) << "  runs  yes:        no:           open  wrong:          wrong           covers\n"
+      << padded("", 24) << "            yes             no                  wrong\n"
       << padded("", 24)
-      << "        shown  likely shown  likely        shown  likely verdict refused        reliable  width\n";
+      << "  runs  shown  likely shown  likely  open   shown  likely verdict refused   covers reliable    width\n";
   const auto table = [&](const std::string& name, const Chosen& chosen) { print_answers(out, report, name, chosen); };
   table("all", [](const auto&, const auto&) { return true; });
   table("margin 1/2 and more",

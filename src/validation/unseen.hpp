@@ -4,7 +4,7 @@
 //
 //   each family x seed:  estimate(recipe(sequence), {.samples = N, .seed}) -> answer, grade, interval, or a refusal
 //   answer   yes, no or open to "is there a PMF with finite variance and finite work?", after the run; grade shown, likely
-//            or open. A refusal is a no; a run whose variance is called finite is a yes, since its work is.
+//            or open. A run whose variance is called finite is a yes, since its work is.
 //   verdict  on the variance of the run, beside its closed form under the PMF that was chosen
 //
 // Wrong: a yes where there is no such PMF, a no where there is one. Families of which no more than one level that is reached
