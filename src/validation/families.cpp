@@ -386,6 +386,7 @@ LevelTruth UnseenSequence::level(std::int64_t k) const {
     truth.second_moment = truth.variance + m;
     truth.kurtosis = (m * m + 6 * m * noise_square + noise_kurtosis * noise_square * noise_square) /
                      ((m + noise_square) * (m + noise_square));
+    if (p.fine_heavy > 0) truth.kurtosis = infinite;
     return truth;
   }
   const double mean = mean_difference(table, k);

@@ -161,11 +161,14 @@ struct DeclaredRates {
   Rates rates;
 };
 struct ConstantLimit {
-  /// Limit::constant, where there is such a type.
+  /// Limit::constant, where there is such a type: then take its place.
   struct Constant {
     template <class Limit>
     requires std::is_enum_v<Limit>
     operator Limit() const { return Limit::constant; }
+    template <class Limit>
+    requires std::is_enum_v<Limit>
+    friend bool operator==(Constant /*constant*/, Limit other) { return other == Limit::constant; }
   };
   explicit ConstantLimit(const Family& /*family*/) {}
   Constant limit;
@@ -193,8 +196,8 @@ struct Labels {
   /// members that share nothing but their levels' strata. Infinite where no PMF exists.
   double root_of_price = 0;
 
-  /// Four levels of the limit, or more, are reached.
-  [[nodiscard]] bool within() const { return settled == 0 || settled + 4 <= reached; }
+  /// Four levels of the limit, or more, are reached: two for a line, and two that could contradict it.
+  [[nodiscard]] bool within() const { return settled + 4 <= reached; }
   /// At most one level that is reached shows the feature: nobody can know.
   [[nodiscard]] bool beyond() const { return first_sign > 0 && first_sign >= reached; }
 };

@@ -385,7 +385,7 @@ std::ostream& operator<<(std::ostream& out, const UnseenReport& report) {
   out << "\nfamily, what there is of a PMF, margin, levels reached: answers\n";
   for (const UnseenFamily& f : report.families) {
     const Labels& l = f.labels;
-    const std::string state = l.beyond() ? "beyond" : (l.within() ? "" : "edge");
+    const std::string state = l.beyond() ? "beyond" : (l.within() ? "" : (l.settled > 0 ? "edge" : "shallow"));
     out << padded(whole(f.family.index) + " " + name_of(f.family.kind), 16) << padded(l.exists ? "yes" : "no", 4)
         << right(format("%.2f", l.margin), 9) << right(whole(l.reached), 4) << " " << padded(state, 7)
         << f.family.description() << '\n';
