@@ -99,6 +99,9 @@ Family draw_family(std::uint64_t seed, int index) {
   const double low = turn < 2 ? 0.5 : -1.5;
   const double high = turn == 2 ? -0.5 : 2.2;
   const double margin = uniform(rng, low, high);
+  const bool slow = one_in(rng, 3);
+  const double beta = rng.uniform();
+  if (margin < 0 && !slow) f.gamma = 0.4 + 0.5 * beta - margin;
   f.beta = f.gamma + margin;
   const bool tiny = one_in(rng, 16);
   const double decades = rng.uniform();

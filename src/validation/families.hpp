@@ -12,10 +12,11 @@
 // the reverse, infinite where differences end. A draw costs two random numbers whatever its level: the work is stated, not done.
 //
 // Ranges, uniform where nothing else stands. Family i of a seed draws from a stream of its own, and is of kind i mod 10:
-//   every kind   gamma .2 ... 1.5; margin in turns of four: 1/2 ... 2.2 twice, -1.5 ... -1/2, -1.5 ... 2.2; the unit of values
-//                10^-6 ... 10^6, one in sixteen 10^-150 ... 10^-80; mu -3 ... 3, sigma_0 .1 ... 2 (log); b -8 ... 6;
-//                c -1 ... 1, falling by 0 ... .5 octaves a level; |Y| uniform, one in five lognormal, one in five rare;
-//                rates declared by every other one; the limit one constant, and said so, in every third
+//   every kind   margin in turns of four: 1/2 ... 2.2 twice, -1.5 ... -1/2, -1.5 ... 2.2; gamma .2 ... 1.5, but where the
+//                margin is negative, in two of three what makes beta .4 ... .9; r falls where E|D_k| would not be summable;
+//                the unit of values 10^-6 ... 10^6, one in sixteen 10^-150 ... 10^-80; mu -3 ... 3, sigma_0 .1 ... 2 (log);
+//                b -8 ... 6; c -1 ... 1, falling by 0 ... .5 octaves a level; |Y| uniform, one in five lognormal, one in
+//                five rare; rates declared by every other one; the limit one constant, and said so, in every third
 //   plain        one in four with work (k + 1)^gamma, gamma 0 ... 2
 //   hump         of 2 ... 10 octaves up, one in four down, width .7 ... 2.5, about a level of the features' range
 //   slope        another slope, .4 ... 2 away, up to a level of that range
