@@ -218,10 +218,13 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
                              "  debias validate\n"
                              "  debias validate A01 A02 --samples 1e6\n"
                              "  debias validate --hard\n"
+                             "  debias validate --unseen 7 --samples 65536\n"
                              "  debias validate --report --samples 1e6 -o report.md\n"
                              "  debias validate --json -o cells.jsonl");
   validate.app->add_option("PROBLEM", validate.words.names, "Ids or names; all when there is none");
   validate.flag("hard", "Instead: thick media, cancellation, deep levels, huge values, and what results say of them");
+  validate.value("unseen", "SEED",
+                 "Instead: 40 families of problems drawn by this seed, and what a recipe says of them");
   validate.flag("report",
                 "Instead: every figure of reliability as a page of Markdown, with intervals over N / 100 "
                 "replications (at most 1e4); -o FILE.md brings FILE.json");

@@ -35,6 +35,7 @@ int execute(const Merge& request, const Delivery& delivery);
 int execute(const commands::ReplayRequest& request, const Delivery& delivery);
 int execute(const commands::ValidateRequest& request, const Delivery& delivery);
 int execute(const commands::HardRequest& request, const Delivery& delivery);
+int execute(const commands::UnseenRequest& request, const Delivery& delivery);
 int execute(const commands::ReliabilityRequest& request, const Delivery& delivery);
 int execute(const commands::SurveyRequest& request, const Delivery& delivery);
 int execute(const commands::TradeoffRequest& request, const Delivery& delivery);

@@ -452,8 +452,20 @@ Request read_validate(const Words& words) {
   };
   if (asked("hard") && asked("report")) throw std::invalid_argument("--hard, --report: both (keep one)");
   if (asked("hard")) {
+    if (words.values.count("unseen") > 0 && !words.values.at("unseen").empty()) {
+      throw std::invalid_argument("--hard, --unseen: both (keep one)");
+    }
     if (words.names.empty()) return HardRequest{r.samples, r.seed, r.threads};
     throw std::invalid_argument("--hard ('" + words.names.front() + "' is a problem of its own); leave one out");
+  }
+  const auto unseen = words.values.find("unseen");
+  if (unseen != words.values.end() && !unseen->second.empty()) {
+    if (asked("report")) throw std::invalid_argument("--unseen, --report: both (keep one)");
+    if (!words.names.empty()) {
+      throw std::invalid_argument("--unseen ('" + words.names.front() +
+                                  "': its problems are of the seed); leave one out");
+    }
+    return UnseenRequest{seed_of(unseen->second, "--unseen"), r.samples, r.threads};
   }
   if (!asked("report")) return r;
   if (!words.names.empty()) {

@@ -69,8 +69,8 @@ struct RenderPhotons {
 
 using Request = std::variant<commands::ListRequest, commands::RunRequest, commands::MultilevelRequest, Resume, Merge,
                              commands::ReplayRequest, commands::ValidateRequest, commands::HardRequest,
-                             commands::ReliabilityRequest, commands::SurveyRequest, commands::TradeoffRequest, Diagnose,
-                             RenderTransmittance, RenderPhotons>;
+                             commands::UnseenRequest, commands::ReliabilityRequest, commands::SurveyRequest,
+                             commands::TradeoffRequest, Diagnose, RenderTransmittance, RenderPhotons>;
 
 /// The request of a command ("run", "render photons") from all of its words. Throws std::invalid_argument that names the
 /// option, what is wrong with it and a near miss. The seed `random` is drawn here.

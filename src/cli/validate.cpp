@@ -75,6 +75,24 @@ int execute(const commands::HardRequest& request, const Delivery& delivery) {
   return validation_failed;
 }
 
+int execute(const commands::UnseenRequest& request, const Delivery& delivery) {
+  if (!delivery.checkpoint.empty()) {
+    throw std::invalid_argument("--checkpoint: (unseen problems take minutes, and keep nothing); leave it out");
+  }
+  Output out(delivery.output);
+  Progress progress(delivery.quiet);
+  const commands::UnseenReport report = commands::validate_unseen(request, {watch_share(progress)});
+  progress.erase();
+  deliver(report, delivery, out);
+  if (report.report.holds()) return done;
+  std::string failed;
+  for (const validation::Gate& gate : report.report.gates) {
+    if (!gate.holds) failed += (failed.empty() ? "" : ", ") + gate.name;
+  }
+  complain("figures that fail: " + failed);
+  return validation_failed;
+}
+
 int execute(const commands::ReliabilityRequest& request, const Delivery& delivery) {
   if (!delivery.checkpoint.empty()) {
     throw std::invalid_argument("--checkpoint: (the report measures times, and keeps nothing); leave it out");

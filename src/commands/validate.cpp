@@ -171,6 +171,62 @@ Fields fields(const ValidateReport& v) {
   return f;
 }
 
+// ---- problems that nobody has met
+
+UnseenReport validate_unseen(const UnseenRequest& request, const Caller& caller) {
+  check_judged(request.samples);
+  Plan plan{.samples = request.samples, .threads = request.threads};
+  const double total = static_cast<double>(request.families) * request.seeds;
+  plan.progress = [&](std::int64_t done) {
+    return caller.goes_on("run " + std::to_string(done), static_cast<double>(done), total);
+  };
+  return {validation::run_unseen(request.families_seed, request.families, request.seeds, plan)};
+}
+
+void print(std::ostream& out, const UnseenReport& u) { out << u.report; }
+
+Fields fields(const UnseenReport& u) {
+  const validation::UnseenReport& report = u.report;
+  const auto said = [](validation::Said s) {
+    return s == validation::Said::yes ? "yes" : (s == validation::Said::no ? "no" : "open");
+  };
+  const auto family = [](const validation::UnseenFamily& f) {
+    return Fields{{"family", f.family.index},       {"kind", name_of(f.family.kind)},
+                  {"says", f.family.description()}, {"truth", f.labels.truth},
+                  {"exists", f.labels.exists},      {"second_moments", f.labels.second_moments},
+                  {"margin", f.labels.margin},      {"reached", f.labels.reached},
+                  {"within", f.labels.within()},    {"beyond", f.labels.beyond()}};
+  };
+  const auto run = [&](const validation::UnseenRun& r) {
+    const validation::Opinion& o = r.opinion;
+    const auto figure = [&o](double x) { return o.refused ? Node(nullptr) : Node(x); };
+    return Fields{{"family", r.family},
+                  {"seed", r.seed},
+                  {"answer", said(o.answer)},
+                  {"grade", name_of(o.grade)},
+                  {"refused", o.refused},
+                  {"wrong", r.wrong},
+                  {"mean", figure(o.mean)},
+                  {"low", figure(o.low)},
+                  {"high", figure(o.high)},
+                  {"reliable", o.reliable},
+                  {"covered", r.covered},
+                  {"wrong_verdict", r.wrong_verdict},
+                  {"width", r.width > 0 ? Node(r.width) : Node(nullptr)}};
+  };
+  const auto gate = [](const validation::Gate& g) {
+    return Fields{{"name", g.name}, {"measured", g.measured}, {"demand", g.demand}, {"of", g.of}, {"holds", g.holds}};
+  };
+  Fields f = {{"seed", report.seed},
+              {"samples", report.samples},
+              {"seconds", report.seconds},
+              {"gates", list_of(report.gates, gate)},
+              {"families", list_of(report.families, family)},
+              {"runs", list_of(report.runs, run)}};
+  append(f, versions());
+  return f;
+}
+
 // ---- hard cases
 
 HardReport validate_hard(const HardRequest& request, const Caller& caller,

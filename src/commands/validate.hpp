@@ -14,6 +14,7 @@
 #include "store.hpp"
 #include "validation/hard.hpp"
 #include "validation/reliability.hpp"
+#include "validation/unseen.hpp"
 #include "validation/validation.hpp"
 
 namespace debias::commands {
@@ -56,6 +57,23 @@ Fields fields(const validation::Cell& cell);
 /// The summary.
 void print(std::ostream& out, const ValidateReport& report);
 Fields fields(const ValidateReport& report);
+
+// ---- what a recipe says of problems that nobody has met
+
+struct UnseenRequest {
+  std::uint64_t families_seed = 1;
+  std::int64_t samples = 1 << 16;  ///< members of each run, two at least
+  int threads = 0;
+  int families = 40;
+  int seeds = 20;  ///< of each family
+};
+struct UnseenReport {
+  validation::UnseenReport report;
+};
+
+UnseenReport validate_unseen(const UnseenRequest& request, const Caller& caller = {});
+void print(std::ostream& out, const UnseenReport& report);
+Fields fields(const UnseenReport& report);
 
 // ---- hard cases, and whether the result says what is wrong with it
 

@@ -144,6 +144,7 @@ struct LittleWork {
     return !r.problems.empty() && r.problems.size() <= (rare ? 2 : 1) && r.samples <= few;
   }
   bool operator()(const commands::HardRequest&) const { return false; }
+  bool operator()(const commands::UnseenRequest&) const { return false; }
   bool operator()(const commands::ReliabilityRequest&) const { return false; }
   bool operator()(const RenderTransmittance& r) const {
     return small(r.request) && r.density < 100 && r.request.samples <= 4 && r.request.equal_time == 0;
