@@ -37,7 +37,10 @@ double wave(const Family& f, std::int64_t k) { return std::cos(f.wave_frequency 
 double log2_second(const Family& f, std::int64_t k) {
   const double x = as_double(k - f.pause);
   if (f.powers) return f.prefactor - f.beta * std::log2(as_double(k) + 1);
-  if (f.factorial > 0) return f.prefactor + 2 * (x * std::log2(f.factorial) - std::lgamma(x + 1) / std::numbers::ln2);
+  if (f.factorial > 0) {
+    int sign = 1;  // std::lgamma writes it to a global, which other threads share
+    return f.prefactor + 2 * (x * std::log2(f.factorial) - ::lgamma_r(x + 1, &sign) / std::numbers::ln2);
+  }
   const double early = std::min(x, as_double(f.change_level));
   double b = f.prefactor - f.early_slope * early - f.beta * (x - early);
   const double distance = (x - f.hump_level) / f.hump_width;
