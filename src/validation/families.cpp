@@ -1,6 +1,8 @@
 #include "families.hpp"
 
+#include <math.h>  // lgamma_r
 #include <algorithm>
+
 #include <cmath>
 #include <limits>
 #include <numbers>
