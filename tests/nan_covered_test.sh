@@ -16,6 +16,9 @@ no_callable='
               tail_exponent_for
  results:     batch_interval bound_of conclude fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
+ statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges log2_work row_of together weigh
+ what hands an estimator or a sequence on as it is:
+              deepest_level_of named with_deepest_level
  what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:
               advise description difference_of estimator_of level_runs ranks_of survey_level survey_within
               term_moments value_of
@@ -31,7 +34,7 @@ factories() {
         s/requires *\([^)]*\)//g
         s/^(.*[ &*>])?([a-z_][a-z_0-9]*)\(.*$/\2/p
       }'
-  done | sort -u
+  done | grep -vx requires | sort -u
 }
 
 # check ROOT: prints the factories of a tree that no test covers.
