@@ -289,11 +289,13 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   {
     std::vector<std::jthread> helpers;
     for (; drawing < threads; ++drawing) {
-      work.begin_thread();
+      bool begun = false;
       try {
+        work.begin_thread();
+        begun = true;
         helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
       } catch (...) {  // the machine has no more threads: those that are there do it all
-        work.end_thread();
+        if (begun) work.end_thread();
         if (drawing == 0) {
           work.interrupt(std::make_exception_ptr(std::invalid_argument(
               "a rank could not start the thread that draws (a limit such as ulimit, or the machine, grants no more); "
@@ -330,6 +332,11 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   }
   work.state.identity = identity;  // with its type, also where the sums came from another rank
   Statistics statistics = finish(plan.seed, std::move(work.state));
+  if (statistics.moments.count != plan.samples) {
+    throw std::logic_error("estimate: " + std::to_string(statistics.moments.count) + " of " +
+                           std::to_string(plan.samples) +
+                           " samples are in the sums (a defect of debias); please report it");
+  }
   add_warnings(statistics);
   if (drawing < threads) {
     statistics.fewer_threads = static_cast<int>(drawing);

@@ -11,9 +11,9 @@ void Work::give(const Range& samples) {
   more_.notify_all();
 }
 
-void Work::give_back(const Range& samples) {
+void Work::give_back(const Range& samples) noexcept {
   const std::lock_guard lock(mutex_);
-  samples_.push_front(samples);
+  returned_.push_back(samples);
   more_.notify_all();
 }
 
@@ -25,6 +25,11 @@ void Work::close() {
 
 Work::Range Work::take() {
   std::unique_lock lock(mutex_);
+  if (!returned_.empty() && returned_.back().first < look_.limit) {
+    const Range chunk = returned_.back();
+    returned_.pop_back();
+    return chunk;
+  }
   if (samples_.empty() && !closed_) {
     ++waiting_;
     news_pending_ = true;
@@ -87,6 +92,8 @@ void Work::merge(const RunState& sums) {
 
 void Work::begin_thread() {
   const std::lock_guard lock(mutex_);
+  returned_.reserve(begun_ + 1);
+  ++begun_;
   ++look_.threads;
 }
 

@@ -39,8 +39,8 @@ class Work {
 
   /// Samples to draw, behind all that were given before.
   void give(const Range& samples);
-  /// A chunk that was taken and not drawn, before all others.
-  void give_back(const Range& samples);
+  /// A chunk that was taken and not drawn, once a thread. Allocates nothing: it is memory that has run out.
+  void give_back(const Range& samples) noexcept;
   /// Nothing more will come.
   void close();
   /// The samples of the next chunk, waiting for more if need be; none at the end.
@@ -59,7 +59,7 @@ class Work {
   [[nodiscard]] RunState take_finished();
   void merge(const RunState& sums);
 
-  /// How many threads draw; one that ends says so.
+  /// How many threads draw; one that ends says so. Sets aside what the thread needs to give a chunk back.
   void begin_thread();
   void end_thread();
   struct Look {
@@ -81,6 +81,8 @@ class Work {
   std::condition_variable more_;  // for threads that draw
   std::condition_variable news_;  // for the one that serves them
   std::deque<Range> samples_;
+  std::vector<Range> returned_;  // chunks, with room for one of each thread
+  std::size_t begun_ = 0;        // threads
   bool closed_ = false;
   bool news_pending_ = false;
   int waiting_ = 0;
