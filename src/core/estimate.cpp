@@ -320,15 +320,29 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     work.state.seconds = seconds_now();
   };
   ranks == nullptr ? conclude() : ranks->end(work, conclude);
+  bool short_of_memory = false;
   if (work.failure) {
     try {
       std::rethrow_exception(work.failure);
     } catch (const Interrupted&) {
       throw;
+    } catch (const std::bad_alloc&) {
+      if (work.failed_index != Work::no_index) rethrow_with_sample(plan.seed, work.failed_index);
+      if (ranks != nullptr || threads == 1) throw;
+      short_of_memory = true;
     } catch (...) {
       if (work.failed_index == Work::no_index) throw;
       rethrow_with_sample(plan.seed, work.failed_index);
     }
+  }
+  if (short_of_memory) {  // the threads took it from one another: alone, one may have enough, for the same bits
+    work.state = RunState(chunk);
+    Plan alone = plan;
+    alone.threads = 1;
+    Statistics statistics = run(alone, identity, chunk, body);
+    statistics.fewer_threads = 1;
+    statistics.warnings.push_back(fewer_threads_text(1));
+    return statistics;
   }
   work.state.identity = identity;  // with its type, also where the sums came from another rank
   Statistics statistics = finish(plan.seed, std::move(work.state));
