@@ -4,15 +4,16 @@
 #include <vector>
 
 #include "catch_shim.hpp"
+#include "commands/render.hpp"
 #include "render/image.hpp"
-#include "render/named.hpp"
+
 #include "render/photons.hpp"
 
 using namespace debias::render;
 
 namespace {
 
-const PhotonMethod& method_named(const char* name) { return named(photon_methods(), name); }
+const PhotonMethod& method_named(const char* name) { return debias::commands::photon_method(name); }
 
 PhotonPlan plan_of(int size, double photons, bool sphere, std::uint64_t seed = 1) {
   PhotonPlan plan;

@@ -7,9 +7,10 @@
 #include <boost/math/distributions/normal.hpp>
 
 #include "catch_shim.hpp"
+#include "commands/render.hpp"
 #include "render/cloud.hpp"
 #include "render/image.hpp"
-#include "render/named.hpp"
+
 #include "render/transmittance.hpp"
 
 using namespace debias;
@@ -17,7 +18,7 @@ using namespace debias::render;
 
 namespace {
 
-const TransmittanceMethod& method_named(const char* name) { return named(transmittance_methods(), name); }
+const TransmittanceMethod& method_named(const char* name) { return debias::commands::transmittance_method(name); }
 
 constexpr double density = 3;
 
