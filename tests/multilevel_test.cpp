@@ -20,7 +20,7 @@ struct Levels {
   Draw<double> operator()(std::int64_t level, Stream& rng) const {
     const double k = static_cast<double>(level);
     const double d = (level == 0 ? 0.0 : std::exp2(-k)) + std::exp2(-beta * k / 2) * rng.normal();
-    return {1 - std::exp2(-k), d, std::exp2(k)};
+    return {level == 0 ? d : 1 - std::exp2(-k), d, std::exp2(k)};
   }
 };
 

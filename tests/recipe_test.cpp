@@ -30,7 +30,7 @@ struct Chosen {
   Draw<double> operator()(std::int64_t level, Stream& rng) const {
     const double mean = level == 0 ? 0.5 : power(2, -level) / 2;
     const double d = mean + std::exp2(-beta * static_cast<double>(level) / 2) * rng.normal();
-    return {1 - power(2, -level) / 2 + rng.normal(), d, power(2, level)};
+    return {level == 0 ? d : 1 - power(2, -level) / 2 + rng.normal(), d, power(2, level)};
   }
   double truth() const { return 1; }
 };

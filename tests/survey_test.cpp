@@ -70,7 +70,7 @@ struct RareLate {
     const double u = rng.uniform();
     const double size = std::exp2(-static_cast<double>(std::max<std::int64_t>(level - 3, 0)));
     const double d = u < 0.02 ? (u < 0.01 ? size : -size) : 0.0;
-    return {d + rng.normal(), d, power(2, level)};
+    return {level == 0 ? d : d + rng.normal(), d, power(2, level)};
   }
 };
 

@@ -332,7 +332,8 @@ TEST_CASE("where there is nothing to judge the verdict is undecided", "[verdict]
   CHECK(undecided(judge(Moments{}, {}, {})));
   const auto estimator = single_term(
       [](std::int64_t k, Stream& rng) {
-        return Draw<double>{1, std::exp2(-static_cast<double>(k)) * rng.normal(), 1};
+        const double d = std::exp2(-static_cast<double>(k)) * rng.normal();
+        return Draw<double>{k == 0 ? d : 1, d, 1};
       },
       Geometric(0.6));
   CHECK(undecided(estimate(estimator, {.samples = 1}).verdict()));
