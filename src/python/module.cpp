@@ -331,6 +331,11 @@ class Diagnostician {
           ")");
     }
     conclude(d);
+    if (missing_ > 0) {
+      d.warnings.push_back(std::to_string(missing_) + " of " + std::to_string(count_) +
+                           " values are masked or missing, the first is value " + std::to_string(first_missing_) +
+                           ": they are left out of everything here.");
+    }
     return d;
   }
 

@@ -39,7 +39,7 @@ def program(*arguments):
 
 def without_times(data):
     if isinstance(data, dict):
-        return {key: without_times(x) for key, x in data.items() if key not in ("seconds", "efficiency")}
+        return {key: without_times(x) for key, x in data.items() if key not in ("seconds", "pilot_seconds", "efficiency")}
     return [without_times(x) for x in data] if isinstance(data, list) else data
 
 
@@ -167,7 +167,7 @@ class SameBits(unittest.TestCase):
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             exec(code, {})
         shown = re.search(r"^mean +([0-9.]+)\(", readme, re.MULTILINE).group(1)  # by the program of C++
-        self.assertEqual(f"{float(printed.getvalue().splitlines()[-1]):.5f}", shown)
+        self.assertIn(f"mean          {shown}(", printed.getvalue())
 
     def test_normal_quantile(self):
         u = np.array([1e-300, 0.025, 0.5, 0.975])
@@ -578,7 +578,7 @@ class BadInput(unittest.TestCase):
 
         # Level 25 asks for 2^25 uniforms: for some of a million samples, whatever the seed.
         for seed in 1, 2:
-            self.raises(ValueError, r"level beyond 24.* 9\.\d %.*take at most \d+ samples, or the PMF geometric:theta=1\.5 ",
+            self.raises(ValueError, r"level beyond 24.* 9(\.\d)? %.*take at most \d+ samples, or the PMF geometric:theta=1\.5 ",
                         debias.estimate, own(), base_level=4, samples=1_000_000, seed=seed)
         self.raises(ValueError, "level beyond 7", debias.estimate, own(deepest_level=7), samples=1_000_000)
         self.raises(ValueError, "level beyond 99", debias.estimate,
@@ -667,7 +667,7 @@ says = [debias.estimate("A10", samples=12345), debias.estimate("A01", samples=50
         debias.tradeoff("A10", points=3, samples=2000), debias.survey("A10", levels=4, samples=2000),
         debias.recipe("A10"), debias.replay("A10", 7, seed=3), debias.diagnose(np.arange(1, 2000) ** 0.5)]
 for report in says:  # without what a clock says
-    print(re.sub(r'"(seconds|efficiency)": .*', "", report.to_json()))
+    print(re.sub(r'"(seconds|pilot_seconds|efficiency)": .*', "", report.to_json()))
     if "points" not in report.to_dict() and "kurtosis" not in str(report.to_dict().get("levels")):
         print(re.sub(r"(?m)^(seconds|efficiency) .*$", "", str(report)))
 for call in (lambda: debias.estimate("A10", law="geometric:r=1.5"), lambda: debias.estimate("A10", error=-0.5),
