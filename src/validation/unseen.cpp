@@ -355,9 +355,9 @@ void print_answers(std::ostream& out, const UnseenReport& report, const std::str
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const UnseenReport& report) {
-  out << "unseen        " << std::to_string(report.families.size()) << " families of seed " << std::to_string(report.seed) << ", "
-      << std::to_string(report.seeds) << " seeds each, " << whole(report.samples) << " samples, "
-      << format("%.3g", report.seconds) << " s\n\n";
+  out << "unseen        " << std::to_string(report.families.size()) << " families of seed "
+      << std::to_string(report.seed) << ", " << std::to_string(report.seeds) << " seeds each, " << whole(report.samples)
+      << " samples, " << format("%.3g", report.seconds) << " s\n\n";
   for (const Gate& gate : report.gates) {
     out << padded(gate.name, 50) << right(format("%.3g", gate.measured), 9) << "   " << padded(gate.demand, 22)
         << (gate.holds ? "holds" : "FAILS") << '\n';
