@@ -59,7 +59,7 @@ std::string count_text(std::int64_t n) {
 // The two ways through a layout have the same members. A reader takes fields from words.
 class Reader {
  public:
-  static constexpr bool reads = true;
+  [[maybe_unused]] static constexpr bool reads = true;
   explicit Reader(const Words& words) : words_(words) {}
 
   const std::string& text(const std::string& field) const {
@@ -195,7 +195,7 @@ class Reader {
 // A writer makes the words that a reader takes the same fields from.
 class Writer {
  public:
-  static constexpr bool reads = false;
+  [[maybe_unused]] static constexpr bool reads = false;
 
   void text(const std::string& field, const std::string& x) { words.values[field] = x; }
   void flag(const std::string& field, bool x) { words.flags[field] = x; }
