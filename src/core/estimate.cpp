@@ -132,6 +132,11 @@ void add_warnings(Statistics& s) {
 
 namespace detail {
 
+void check_on_all(const Plan& plan, const PlanCheck& check) {
+  if (plan.ranks == nullptr) return check(plan);
+  plan.ranks->agree("plan", [&] { check(plan); });
+}
+
 void check_plan(const Plan& plan) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
   if (plan.samples < 1) {
@@ -434,7 +439,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     return result;
   };
   for (;;) {
-    check(pilot);
+    check_on_all(pilot, check);
     const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
     spent += {s.work, s.seconds};
     const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));

@@ -41,6 +41,8 @@ using PlanCheck = std::function<void(const Plan& plan)>;
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
                    const std::function<double(const Statistics& pilot)>& bias);
 void check_plan(const Plan& plan);
+/// Checks the plan; on several ranks all of them throw where one does, lest the others wait for it.
+void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
 std::string fewer_threads_text(int threads);
 void check_goal(const Goal& goal);
@@ -137,7 +139,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, check, bias);
     pilot = false;
   }
-  check(fixed);
+  detail::check_on_all(fixed, check);
   Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
   statistics.goal = plan.goal;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
