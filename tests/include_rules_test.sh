@@ -11,6 +11,7 @@ no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|seque
 may_include() {
   case $1 in
     core/*) echo 'core/.*' ;;
+    statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/reach) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;

@@ -1,0 +1,614 @@
+#include <debias/statistics/evidence.hpp>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "core/text.hpp"
+#include "statistics/posterior.hpp"
+
+namespace debias {
+
+using statistics::few;
+
+const char* name_of(Answer answer) {
+  constexpr std::array names = {"yes", "no", "open"};
+  return names[static_cast<std::size_t>(answer)];
+}
+
+const char* name_of(Grade grade) {
+  constexpr std::array names = {"open", "likely", "shown"};
+  return names[static_cast<std::size_t>(grade)];
+}
+
+namespace {
+
+constexpr double shown_p = 0.005;  // of a wrong answer
+constexpr double likely_p = 0.1;
+constexpr double most_unseen = 0.5;       // of S, where the answer is yes
+constexpr double hits_promised = 14;      // P(none) = 1e-6
+constexpr double known_error = 0.5;       // octaves
+constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
+constexpr double zeros_of_nothing = 100;  // draws, where no level has shown a difference
+
+double mix(double a, std::int64_t m, double b, std::int64_t n) {
+  if (m == 0 || std::isnan(a)) return n == 0 ? a : b;
+  if (n == 0 || std::isnan(b)) return a;
+  const double share = static_cast<double>(n) / static_cast<double>(m + n);
+  return a + share * (b - a);
+}
+
+// Least squares.
+double slope_of(std::span<const double> x, std::span<const double> y) {
+  double mx = 0;
+  double my = 0;
+  const auto n = static_cast<double>(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    mx += x[i] / n;
+    my += y[i] / n;
+  }
+  double xx = 0;
+  double xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    xy += (x[i] - mx) * (y[i] - my);
+  }
+  return xx > 0 ? xy / xx : 0;
+}
+
+bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
+bool is_finite(const LevelVoice& v) { return !std::isnan(v.log2_second); }
+
+// Three digits.
+std::string short_text(double x) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), x, std::chars_format::general, 3).ptr;
+  return {text.data(), end};
+}
+
+std::string levels_text(std::int64_t first, std::int64_t last) {
+  return first == last ? "level " + std::to_string(first)
+                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
+}
+
+// Weighs one table.
+class Scales {
+ public:
+  Scales(std::vector<LevelFacts> facts, const SequenceFacts& sequence, bool budget_spent)
+      : sequence_(sequence), budget_spent_(budget_spent) {
+    e_.facts = std::move(facts);
+  }
+
+  Evidence weigh() {
+    e_.voices = statistics::voices_of(e_.facts);
+    for (std::size_t i = 0; i < e_.voices.size(); ++i) {
+      const LevelVoice& v = e_.voices[i];
+      if (e_.facts[i].is_base) {
+        base_ = e_.facts[i].level;
+        continue;
+      }
+      all_.push_back(i);
+      if (is_finite(v) && !is_zero(v)) live_.push_back(i);
+      if (!v.votes()) continue;
+      votes_.push_back(i);
+      e_.known += v.error <= known_error;
+    }
+    if (!live_.empty()) e_.last_difference = e_.voices[live_.back()].level;
+    if (!votes_.empty()) {
+      e_.first_vote = e_.voices[votes_.front()].level;
+      e_.last_vote = e_.voices[votes_.back()].level;
+    }
+    bases();
+    work();
+    courses();
+    ends();
+    if (e_.end != End::none) return std::move(e_);
+    if (e_.courses.empty()) {
+      e_.reasons.push_back(std::to_string(votes_.size()) + " levels are known, three are needed");
+      return std::move(e_);
+    }
+    changes();
+    unseen();
+    answer();
+    return std::move(e_);
+  }
+
+ private:
+  [[nodiscard]] const LevelVoice& voice(std::size_t i) const { return e_.voices[i]; }
+  [[nodiscard]] const LevelFacts& fact(std::size_t i) const { return e_.facts[i]; }
+
+  // R6: the first level after the last one without moments, if three above it have 8 hits.
+  void bases() {
+    std::int64_t last = -1;
+    for (const std::size_t i : all_) {
+      if (voice(i).tail == LevelTail::heavy) last = fact(i).level;
+    }
+    for (std::size_t i = 0; i < e_.facts.size(); ++i) {
+      const LevelFacts& f = fact(i);
+      if (f.is_base && !std::isfinite(f.second_moment)) last = std::max(last, f.level);
+    }
+    if (last < 0) return;
+    int above = 0;
+    for (const std::size_t i : all_) {
+      above += fact(i).level > last && is_finite(voice(i)) && voice(i).raw_hits >= few;
+    }
+    e_.missing_moments = true;
+    if (above >= 3) e_.lowest_base = last + 1;
+  }
+
+  void work() {
+    std::vector<double> k;
+    std::vector<double> log_k;
+    std::vector<double> w;
+    for (const std::size_t i : all_) {
+      if (!(fact(i).work > 0)) continue;
+      k.push_back(static_cast<double>(fact(i).level));
+      log_k.push_back(std::log2(k.back() + 1));
+      w.push_back(std::log2(fact(i).work));
+    }
+    if (w.size() < 2) return;
+    const std::size_t first = w.size() > 5 ? w.size() / 2 : 0;
+    const auto deep = [&](const std::vector<double>& v) { return std::span(v).subspan(first); };
+    const double g = slope_of(deep(k), deep(w));
+    const double p = slope_of(deep(log_k), deep(w));
+    double geometric = 0;  // residuals
+    double polynomial = 0;
+    double mean_k = 0;
+    double mean_l = 0;
+    double mean_w = 0;
+    const auto n = static_cast<double>(w.size() - first);
+    for (std::size_t i = first; i < w.size(); ++i) {
+      mean_k += k[i] / n;
+      mean_l += log_k[i] / n;
+      mean_w += w[i] / n;
+    }
+    for (std::size_t i = first; i < w.size(); ++i) {
+      geometric += std::pow(w[i] - mean_w - g * (k[i] - mean_k), 2);
+      polynomial += std::pow(w[i] - mean_w - p * (log_k[i] - mean_l), 2);
+    }
+    constexpr double least_growth = 0.05;  // a level
+    e_.exponential_work = g > least_growth && geometric <= polynomial;
+    e_.work = {e_.exponential_work ? g : p, 0};
+  }
+
+  // R2 and R3.
+  void courses() {
+    std::vector<statistics::Observation> seen;
+    for (const std::size_t i : votes_) {
+      seen.push_back({static_cast<double>(fact(i).level), voice(i).log2_second, voice(i).error});
+    }
+    if (seen.size() < 3) return;
+    e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction);
+    double weight = 0;
+    for (const Course& c : e_.courses) weight += c.polynomial;
+    e_.polynomial = weight > static_cast<double>(e_.courses.size()) / 2;
+    double mean = 0;
+    double square = 0;
+    double n = 0;
+    for (const Course& c : e_.courses) {
+      if (c.polynomial != e_.polynomial) continue;
+      ++n;
+      mean += c.limit;
+      square += c.limit * c.limit + c.limit_error * c.limit_error;
+    }
+    mean /= n;
+    e_.decay = {mean, std::sqrt(std::max(0.0, square / n - mean * mean))};
+    if (e_.contradiction) {
+      e_.reasons.push_back("declared decay " + to_text(e_.contradiction->declared) + "; " +
+                           levels_text(e_.first_vote, e_.last_vote) + " show " + short_text(e_.contradiction->shown) +
+                           " +- " + short_text(e_.contradiction->error) + ": wrong, or not there yet");
+    }
+  }
+
+  // R4.
+  void ends() {
+    std::vector<std::size_t> zeros;
+    for (std::size_t j = all_.size(); j-- > 0 && is_finite(voice(all_[j])) && is_zero(voice(all_[j]));) {
+      zeros.push_back(all_[j]);
+    }
+    std::reverse(zeros.begin(), zeros.end());
+    const std::optional<std::int64_t>& stated = sequence_.exact_from;
+    if (stated && (live_.empty() || e_.last_difference <= *stated)) {
+      finish(End::stated, Answer::yes, Grade::shown);
+      return;
+    }
+    if (zeros.empty()) return;
+    if (!promised(zeros)) return;
+    if (falls_into_rounding()) {
+      finish(End::rounding, Answer::yes, Grade::shown);
+      return;
+    }
+    if (!live_.empty() && beside_value(live_.back()) < drowned) return;  // the decay decides
+    double draws = 0;
+    for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
+    if (sequence_.constant_limit && deepest_value() < e_.facts.size()) {
+      if (value_has_fallen()) {
+        finish(End::zeros, Answer::yes, Grade::shown);
+      } else {
+        finish(End::aliased, Answer::open, Grade::open);
+        e_.reasons.emplace_back(
+            "differences vanish but the value still varies: what makes it vary lies between the points of the levels");
+      }
+      return;
+    }
+    const bool likely = zeros.size() >= 3;
+    finish(End::zeros, likely ? Answer::yes : Answer::open, likely ? Grade::likely : Grade::open);
+    e_.reasons.push_back("zero beyond level " + std::to_string(e_.last_difference) + " in " + to_text(draws) +
+                         " draws, and the sequence does not state its end (exact_from): a pause looks the same");
+  }
+
+  void finish(End end, Answer answer, Grade grade) {
+    e_.end = end;
+    e_.answer = answer;
+    e_.grade = e_.missing_moments ? std::min(grade, Grade::likely) : grade;
+    e_.diverges = grade == Grade::open ? 0.5 : 0;
+    e_.unseen = grade == Grade::open ? Unseen{} : Unseen{0, 0, 0};
+  }
+
+  // Should these levels have shown a difference?
+  [[nodiscard]] bool promised(const std::vector<std::size_t>& zeros) const {
+    double draws = 0;
+    for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
+    if (live_.empty()) return draws >= zeros_of_nothing;
+    std::vector<double> k;
+    std::vector<double> share;
+    for (const std::size_t i : live_) {
+      const double nonzero = nonzero_of(i);
+      if (nonzero * static_cast<double>(fact(i).draws) < few) continue;
+      k.push_back(static_cast<double>(fact(i).level));
+      share.push_back(std::log2(nonzero));
+    }
+    const std::size_t last_four = k.size() > 4 ? k.size() - 4 : 0;
+    double slope = -1;
+    double at = static_cast<double>(fact(live_.back()).level);
+    double height = std::log2(nonzero_of(live_.back()));
+    if (k.size() >= 2) {
+      slope = std::min(0.0, slope_of(std::span(k).subspan(last_four), std::span(share).subspan(last_four)));
+      at = k.back();
+      height = share.back();
+    }
+    double hits = 0;
+    for (const std::size_t i : zeros) {
+      const double expected = std::exp2(height + slope * (static_cast<double>(fact(i).level) - at));
+      hits += static_cast<double>(fact(i).draws) * std::min(1.0, expected);
+    }
+    return hits >= hits_promised;
+  }
+
+  [[nodiscard]] double nonzero_of(std::size_t i) const {
+    const LevelFacts& f = fact(i);
+    if (!std::isnan(f.nonzero)) return f.nonzero;
+    // Of a run: kappa is at least one over the share of draws with a difference.
+    return std::min(1.0, std::exp2(-voice(i).log2_rarity));
+  }
+
+  // log2 of E D^2 beside E I^2; NaN where that is not known.
+  [[nodiscard]] double beside_value(std::size_t i) const {
+    return voice(i).log2_second - std::log2(fact(i).value_square);
+  }
+
+  [[nodiscard]] bool falls_into_rounding() const {
+    if (live_.size() < 3) return false;
+    std::array<double, 3> last{};
+    for (std::size_t j = 0; j < 3; ++j) last[j] = beside_value(live_[live_.size() - 3 + j]);
+    return last[2] < last[1] - 2 && last[1] < last[0] && last[2] < drowned &&
+           voice(live_[live_.size() - 1]).hits >= few && voice(live_[live_.size() - 2]).hits >= few;
+  }
+
+  // The deepest level of which the variance of the value is known; the end of the table where it is of none.
+  [[nodiscard]] std::size_t deepest_value() const {
+    for (std::size_t i = e_.facts.size(); i-- > 0;) {
+      if (!std::isnan(fact(i).value_variance) && fact(i).value_square > 0) return i;
+    }
+    return e_.facts.size();
+  }
+
+  // What is left of the variance of the value is rounding, or no more than the differences that are left explain.
+  [[nodiscard]] bool value_has_fallen() const {
+    const LevelFacts& f = fact(deepest_value());
+    if (f.value_variance <= std::exp2(-60) * f.value_square) return true;
+    if (live_.empty()) return false;
+    constexpr double explained = 16;
+    const LevelFacts& last = fact(live_.back());
+    if (f.level >= last.level && f.value_variance <= explained * last.second_moment) return true;
+    const double falls = std::log2(last.value_variance / f.value_variance);
+    return f.level > last.level && falls > static_cast<double>(f.level - last.level);
+  }
+
+  // What turns a no into open: no trend, but a hump or a start.
+  void changes() {
+    std::vector<double> k;
+    std::vector<double> rarity;
+    std::vector<double> absolute;  // b - log2 kappa: of a rare event with E |D| bounded it does not grow
+    for (const std::size_t i : votes_) {
+      if (voice(i).hits < few) continue;
+      k.push_back(static_cast<double>(fact(i).level));
+      rarity.push_back(voice(i).log2_rarity);
+      absolute.push_back(voice(i).log2_second - voice(i).log2_rarity);
+    }
+    const auto last = [](const std::vector<double>& v, std::size_t n) {
+      return std::span(v).subspan(v.size() > n ? v.size() - n : 0);
+    };
+    if (k.size() >= 3) {
+      const auto x = last(k, 6);
+      const auto y = last(rarity, 6);
+      const bool falls = slope_of(x, y) * (x.back() - x.front()) < -1 && y.front() > 2;
+      const bool grows = slope_of(last(k, 5), last(absolute, 5)) > (e_.exponential_work ? 0.25 : 0.025);
+      e_.changes = falls || grows || steepens();
+    }
+  }
+
+  [[nodiscard]] bool steepens() const {
+    const std::size_t n = std::min<std::size_t>(6, votes_.size());
+    if (n < 4) return false;
+    const std::size_t a = votes_[votes_.size() - n];
+    const std::size_t b = votes_[votes_.size() - n + n / 2];
+    const std::size_t c = votes_.back();
+    const auto fall = [&](std::size_t from, std::size_t to) {
+      const auto steps = static_cast<double>(fact(to).level - fact(from).level);
+      return std::pair((voice(from).log2_second - voice(to).log2_second) / steps,
+                       std::hypot(voice(from).error, voice(to).error) / steps);
+    };
+    const auto [early, early_error] = fall(a, b);
+    const auto [late, late_error] = fall(b, c);
+    return late - early > (e_.exponential_work ? 0.3 : 0.015) && late - early > 2 * std::hypot(early_error, late_error);
+  }
+
+  // lambda: the roots of the series fall like 2^(-lambda k), or k^(-lambda - 1).
+  [[nodiscard]] double lambda(const Course& c, double slope) const {
+    if (c.polynomial) return (slope - e_.work.value) / 2 - 1;
+    return (slope - (e_.exponential_work ? e_.work.value : 0)) / 2;
+  }
+
+  void unseen() {
+    const auto roots_of = [&](std::size_t i) { return (voice(i).log2_second + std::log2(fact(i).work)) / 2; };
+    double seen = 0;
+    for (std::size_t j = 0; j + 1 < votes_.size(); ++j) {  // the gaps between the votes filled in
+      const double a = roots_of(votes_[j]);
+      const double b = roots_of(votes_[j + 1]);
+      const auto steps = static_cast<double>(fact(votes_[j + 1]).level - fact(votes_[j]).level);
+      for (double s = 0; s < steps; ++s) seen += std::exp2(a + s / steps * (b - a));
+    }
+    seen += std::exp2(roots_of(votes_.back()));
+    for (std::size_t i = 0; i < e_.facts.size(); ++i) {
+      const bool is_first = fact(i).is_base || (base_ < 0 && i == 0);
+      if (is_first && fact(i).value_variance > 0) seen += std::sqrt(fact(i).value_variance * fact(i).work);
+    }
+    const statistics::Horizon horizon = statistics::horizon_of(e_.last_vote);
+    std::vector<double> roots;
+    for (const std::int64_t k : horizon.levels) roots.push_back(log2_work(e_, k) / 2);
+    std::vector<double> u;
+    double diverges = 0;
+    for (const Course& c : e_.courses) {
+      diverges += statistics::normal_cdf(-lambda(c, c.slope) / std::max(c.limit_error / 2, 1e-12));
+      const double l = lambda(c, c.limit);
+      if (!(l > 0)) {
+        u.push_back(1);
+        continue;
+      }
+      const double rest = statistics::sum_beyond(c, e_.last_vote, horizon, 0.5, roots, l);
+      u.push_back(rest / (rest + seen));
+    }
+    e_.diverges = diverges / static_cast<double>(e_.courses.size());
+    std::sort(u.begin(), u.end());
+    const auto at = [&](double q) { return u[static_cast<std::size_t>(q * static_cast<double>(u.size() - 1) + 0.5)]; };
+    e_.unseen = {at(shown_p), at(0.5), at(1 - shown_p)};
+  }
+
+  void answer() {
+    const double p = e_.diverges;
+    std::size_t unclear = 0;
+    std::size_t counted = 0;
+    for (const std::size_t i : votes_) {
+      if (fact(i).level < e_.lowest_base) continue;
+      ++counted;
+      unclear += voice(i).tail != LevelTail::light;
+    }
+    // Deeper levels of fewer draws are not to be called fine because they have not shown what shallower ones have.
+    const bool doubtful = e_.missing_moments && 3 * unclear > counted;
+    // A decay like a power beside work like a power converges late: no trend tells from few levels.
+    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2;
+    const bool may_say_no = budget_spent_ && !e_.changes && !slow;
+    if (doubtful) {
+      e_.reasons.emplace_back("the largest differences of most levels look as if there were no second moment");
+    } else if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
+      e_.answer = Answer::yes;
+      e_.grade = Grade::shown;
+      if (e_.missing_moments || 3 * unclear > counted) {
+        e_.grade = Grade::likely;
+        e_.reasons.emplace_back("some levels may have no second moment");
+      }
+    } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known >= 3) {
+      e_.answer = Answer::yes;
+      e_.grade = Grade::likely;
+    } else if (may_say_no && 1 - p <= shown_p && e_.known >= 5) {
+      e_.answer = Answer::no;
+      const bool grows = e_.decay.value + 2.6 * e_.decay.error < 0;
+      e_.grade = (e_.exponential_work || grows) && !e_.missing_moments ? Grade::shown : Grade::likely;
+    } else if (may_say_no && (1 - p <= likely_p || e_.unseen.low >= 0.9) && e_.known >= 4) {
+      e_.answer = Answer::no;
+      e_.grade = Grade::likely;
+    } else if (e_.changes) {
+      e_.reasons.emplace_back("rarity falls, or the decay still steepens, with the level: not yet a trend");
+    }
+  }
+
+  Evidence e_;
+  const SequenceFacts& sequence_;
+  bool budget_spent_;
+  std::int64_t base_ = -1;
+  std::vector<std::size_t> all_;    // levels with differences
+  std::vector<std::size_t> live_;   // of them, those that are not zero
+  std::vector<std::size_t> votes_;  // of these
+};
+
+}  // namespace
+
+std::vector<LevelFacts> together(std::span<const LevelFacts> a, std::span<const LevelFacts> b) {
+  std::vector<LevelFacts> all;
+  std::size_t i = 0;
+  std::size_t j = 0;
+  const auto before = [](const LevelFacts& x, const LevelFacts& y) {
+    return std::pair(x.level, !x.is_base) < std::pair(y.level, !y.is_base);
+  };
+  while (i < a.size() || j < b.size()) {
+    if (j == b.size() || (i < a.size() && before(a[i], b[j]))) {
+      all.push_back(a[i++]);
+    } else if (i == a.size() || before(b[j], a[i])) {
+      all.push_back(b[j++]);
+    } else {
+      const LevelFacts& x = a[i++];
+      const LevelFacts& y = b[j++];
+      LevelFacts f = x;
+      f.draws = x.draws + y.draws;
+      f.mean = mix(x.mean, x.draws, y.mean, y.draws);
+      f.second_moment = mix(x.second_moment, x.draws, y.second_moment, y.draws);
+      f.fourth_moment = mix(x.fourth_moment, x.draws, y.fourth_moment, y.draws);
+      f.work = mix(x.work, x.draws, y.work, y.draws);
+      f.value_variance = mix(x.value_variance, x.draws, y.value_variance, y.draws);
+      f.value_square = mix(x.value_square, x.draws, y.value_square, y.draws);
+      const auto share = [](const LevelFacts& l) { return l.second_moment > 0 ? l.nonzero : 0; };
+      f.nonzero = mix(share(x), x.draws, share(y), y.draws);  // what one does not know the other does
+      if (f.nonzero == 0 && f.second_moment > 0) f.nonzero = LevelFacts::unknown;
+      if (std::isnan(x.tail_index) || (!std::isnan(y.tail_index) && y.draws > x.draws)) {
+        f.tail_index = y.tail_index;
+        f.tail_error = y.tail_error;
+      }
+      all.push_back(f);
+    }
+  }
+  return all;
+}
+
+Evidence weigh(std::vector<LevelFacts> facts, const SequenceFacts& sequence, bool budget_spent) {
+  return Scales(std::move(facts), sequence, budget_spent).weigh();
+}
+
+double log2_work(const Evidence& e, std::int64_t level) {
+  const LevelFacts* below = nullptr;
+  const LevelFacts* above = nullptr;
+  for (const LevelFacts& f : e.facts) {
+    if (!(f.work > 0)) continue;
+    if (f.level <= level) below = &f;
+    if (f.level >= level && above == nullptr) above = &f;
+  }
+  if (below != nullptr && below->level == level) return std::log2(below->work);
+  if (below == nullptr) return above == nullptr ? 0 : std::log2(above->work);
+  const double from = std::log2(below->work);
+  const auto k = static_cast<double>(level);
+  const auto k0 = static_cast<double>(below->level);
+  if (above != nullptr) {
+    return from + (std::log2(above->work) - from) * (k - k0) / (static_cast<double>(above->level) - k0);
+  }
+  return from + e.work.value * (e.exponential_work ? k - k0 : std::log2((k + 1) / (k0 + 1)));
+}
+
+std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
+  const auto size = static_cast<std::size_t>(last) + 1;
+  std::vector<Believed> b(size);
+  const auto at = [&](std::int64_t level) -> Believed& { return b[static_cast<std::size_t>(level)]; };
+  std::vector<const LevelVoice*> votes;
+  for (const LevelVoice& v : e.voices) {
+    if (v.votes()) votes.push_back(&v);
+  }
+  double scatter = 0;
+  if (!e.courses.empty()) {
+    std::vector<double> omega;
+    for (const Course& c : e.courses) omega.push_back(c.scatter);
+    std::nth_element(omega.begin(), omega.begin() + std::ssize(omega) / 2, omega.end());
+    scatter = omega[omega.size() / 2];
+  }
+  // Measured, and between measured ones: there the larger neighbour counts where levels scatter widely.
+  constexpr double wide = 0.5;
+  for (std::size_t i = 0; !e.courses.empty() && i < votes.size(); ++i) {
+    if (votes[i]->level > last) break;
+    at(votes[i]->level) = {votes[i]->log2_second, votes[i]->error};
+    if (i + 1 == votes.size()) continue;
+    const LevelVoice& from = *votes[i];
+    const LevelVoice& to = *votes[i + 1];
+    const double top = std::max(from.log2_second, to.log2_second);
+    for (std::int64_t k = from.level + 1; k < std::min(to.level, last + 1); ++k) {
+      const double s = static_cast<double>(k - from.level) / static_cast<double>(to.level - from.level);
+      const double line = from.log2_second + s * (to.log2_second - from.log2_second);
+      at(k) = {scatter > wide ? top : line, std::hypot(from.error + s * (to.error - from.error), scatter)};
+    }
+  }
+  if (!e.courses.empty() && last > e.last_vote) {
+    // Far beyond, a few levels an octave, and lines between them.
+    std::vector<double> paths(e.courses.size());
+    std::int64_t previous = e.last_vote;
+    for (std::int64_t k = e.last_vote + 1; k <= last;) {
+      for (std::size_t i = 0; i < paths.size(); ++i) paths[i] = statistics::course_at(e.courses[i], e.last_vote, k);
+      const auto quantile = [&](double q) {
+        const auto nth = paths.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(paths.size()));
+        std::nth_element(paths.begin(), nth, paths.end());
+        return *nth;
+      };
+      const double median = quantile(0.5);
+      at(k) = {median, std::hypot(std::max(quantile(0.84) - median, 0.1), scatter)};
+      for (std::int64_t j = previous + 1; j < k; ++j) {
+        const double s = static_cast<double>(j - previous) / static_cast<double>(k - previous);
+        at(j) = {at(previous).log2_second + s * (at(k).log2_second - at(previous).log2_second),
+                 at(previous).error + s * (at(k).error - at(previous).error)};
+      }
+      previous = k;
+      if (k == last) break;
+      const std::int64_t beyond = k - e.last_vote;
+      k = std::min(last, k + (beyond < 32 ? 1 : beyond / 8));
+    }
+  }
+  // Seen, but without a vote: at least what was seen.
+  for (std::size_t i = 0; i < e.facts.size(); ++i) {
+    const LevelVoice& v = e.voices[i];
+    if (e.facts[i].is_base || v.level > last || v.votes() || !is_finite(v) || is_zero(v)) continue;
+    if (at(v.level).log2_second < v.log2_second) {
+      at(v.level) = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
+    }
+  }
+  const bool over = e.end != End::none && e.grade == Grade::shown;
+  // Zeros: the rule of three. Too few votes for a course: as the work asks for.
+  // Before the first difference: as large as the value.
+  LevelFacts value;
+  const LevelFacts* before = nullptr;
+  for (const LevelFacts& f : e.facts) {
+    if (!f.is_base || before != nullptr || !(f.value_variance > 0) || !std::isfinite(f.value_variance)) continue;
+    value = f;
+    value.second_moment = f.value_variance;
+    value.nonzero = 1;
+    before = &value;
+  }
+  const double fall = (e.exponential_work ? e.work.value : 0) + 0.4;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    Believed& here = at(k);
+    if (over && k > e.last_difference) {
+      here = {};
+      continue;
+    }
+    const LevelFacts* fact = nullptr;
+    for (const LevelFacts& f : e.facts) {
+      if (!f.is_base && f.level == k && f.draws > 0) fact = &f;
+    }
+    if (fact != nullptr && fact->second_moment > 0) {
+      before = fact;
+      continue;
+    }
+    if (fact != nullptr && before != nullptr) {  // a course may promise more than the zeros leave room for
+      const double share = std::isnan(before->nonzero) ? 1 : std::max(before->nonzero, 1e-12);
+      const double most = std::log2(before->second_moment / share * 3 / static_cast<double>(fact->draws));
+      const bool has_course = std::isfinite(here.log2_second);
+      if (!has_course || most < here.log2_second + here.error) here = {most, 0.01};
+      continue;
+    }
+    if (std::isfinite(here.log2_second)) continue;
+    if (fact == nullptr && before != nullptr && e.courses.empty() && e.end == End::none) {
+      here = {std::max(at(k - 1).log2_second, -900.0) - fall, 2};
+    }
+  }
+  return b;
+}
+
+}  // namespace debias

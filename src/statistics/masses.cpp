@@ -1,0 +1,338 @@
+// What the levels say of a run under a PMF: is its variance finite, and what of it has nobody seen?
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include <debias/statistics/evidence.hpp>
+
+#include "statistics/posterior.hpp"
+
+namespace debias {
+namespace {
+
+using statistics::few;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double shown_p = 0.005;
+constexpr double likely_p = 0.1;
+constexpr double most_unseen = 0.75;  // of the variance
+constexpr double most_doubt = 20;     // of an unseen variance, relative and squared
+constexpr double least_mass = 1e-300;
+
+// log2 p at any level: beyond the table it goes on as it ends.
+class Logarithms {
+ public:
+  explicit Logarithms(const Masses& masses) : first_(masses.first_level) {
+    for (const double p : masses.mass) {
+      if (!(p > least_mass)) break;
+      log2_.push_back(std::log2(p));
+    }
+  }
+  [[nodiscard]] bool empty() const { return log2_.size() < 2; }
+  [[nodiscard]] std::int64_t first() const { return first_; }
+  [[nodiscard]] std::int64_t last() const { return first_ + std::ssize(log2_) - 1; }
+  [[nodiscard]] bool holds(std::int64_t level) const { return level >= first_ && level <= last(); }
+  [[nodiscard]] double at(std::int64_t level) const {
+    if (holds(level)) return log2_[static_cast<std::size_t>(level - first_)];
+    const auto beyond = static_cast<double>(level - last());
+    if (!power()) return log2_.back() - fall_at(last()) * beyond;
+    const auto end = static_cast<double>(last()) + 1;
+    return log2_.back() - exponent() * std::log2((end + beyond) / end);
+  }
+  // Octaves a level, over four levels.
+  [[nodiscard]] double fall_at(std::int64_t level) const {
+    const std::int64_t to = std::clamp(level, std::min(first_ + 1, last()), last());
+    const std::int64_t from = std::max(first_, to - 4);
+    return (at(from) - at(to)) / static_cast<double>(to - from);
+  }
+  void look_at(std::int64_t level) {
+    near_ = std::min(last(), level);
+    far_ = std::min(last(), 2 * near_);
+  }
+  // Falls like k^-exponent: ever more slowly.
+  [[nodiscard]] bool power() const { return bend() < 0.7; }
+  // Falls faster than any power of 2.
+  [[nodiscard]] bool steep() const { return bend() > 1.3; }
+  [[nodiscard]] double fall() const { return fall_at(near_); }
+  [[nodiscard]] double exponent() const { return fall() * (static_cast<double>(near_) - 1) * 0.6931471805599453; }
+
+ private:
+  [[nodiscard]] double bend() const {
+    const bool far_enough = static_cast<double>(far_) > 1.4 * static_cast<double>(near_);
+    return far_enough ? fall_at(far_) / fall_at(near_) : 1;
+  }
+  std::int64_t first_;
+  std::vector<double> log2_;
+  std::int64_t near_ = 0;
+  std::int64_t far_ = 0;
+};
+
+const LevelVoice* voice_at(const Evidence& e, std::int64_t level) {
+  for (std::size_t i = 0; i < e.voices.size(); ++i) {
+    if (!e.facts[i].is_base && e.voices[i].level == level) return &e.voices[i];
+  }
+  return nullptr;
+}
+
+// The contributions fall over the last third of the votes: nothing infinite to be seen.
+bool do_not_fall(const std::vector<double>& contributions) {
+  if (contributions.size() < 3) return false;
+  if (contributions.size() == 3) {  // every step up
+    return contributions[1] > contributions[0] + 0.3 && contributions[2] > contributions[1] + 0.3;
+  }
+  const std::size_t third = std::max<std::size_t>(1, contributions.size() / 3);
+  const auto mean = [&](std::size_t first, std::size_t last) {
+    double sum = 0;
+    for (std::size_t i = first; i < last; ++i) sum += contributions[i];
+    return sum / static_cast<double>(last - first);
+  };
+  const std::size_t n = contributions.size();
+  const double before = third < n - third ? mean(third, n - third) : mean(0, third);
+  return mean(n - third, n) >= before - 0.3;
+}
+
+}  // namespace
+
+namespace {
+
+// The courses of E D_k^2, or of E D_k^4, beside the first or the third power of the masses.
+class Sum {
+ public:
+  Sum(const Evidence& e, const Logarithms& p, double power) : e_(e), p_(p), power_(power), courses_(e.courses) {
+    std::vector<statistics::Observation> own;
+    std::vector<statistics::Observation> ratios;
+    for (const LevelVoice& v : e.voices) {
+      if (!v.votes()) continue;
+      const bool second = power == 1;
+      // E D^4 is known three times worse, at its best.
+      const double moment = second ? v.log2_second : 2 * v.log2_second + v.log2_rarity;
+      const double error = second ? v.error : 3 * v.error;
+      const auto level = static_cast<double>(v.level);
+      own.push_back({level, moment, error});
+      if (!p.holds(v.level)) continue;
+      contributions.push_back(moment - power * p.at(v.level));
+      ratios.push_back({level, contributions.back(), error});
+    }
+    // Beside a PMF that falls ever faster the ratio is what has a trend.
+    of_ratios_ = p.steep() && ratios.size() >= 3;
+    std::optional<Contradiction> none;
+    if (of_ratios_) {
+      courses_ = statistics::courses_of(ratios, false, std::nullopt, none);
+    } else if (power != 1) {
+      courses_ = statistics::courses_of(own, !e.exponential_work, std::nullopt, none);
+    }
+  }
+
+  [[nodiscard]] double diverges() const {
+    double sum = 0;
+    for (const Course& c : courses_) {
+      const double mean = excess(c, c.slope);
+      const bool sure = !of_ratios_ && c.polynomial != p_.power();
+      sum += sure ? (mean > 0 ? 0.0 : 1.0) : statistics::normal_cdf(-mean / std::max(c.limit_error, 1e-12));
+    }
+    return sum / static_cast<double>(courses_.size());
+  }
+  [[nodiscard]] double growth() const {
+    double sum = 0;
+    for (const Course& c : courses_)
+      sum += (of_ratios_ ? 0 : power_ * (p_.power() ? p_.exponent() : p_.fall())) - c.slope;
+    return sum / static_cast<double>(courses_.size());
+  }
+  // The part of the sum in levels beyond the last vote, at 99.5 %.
+  [[nodiscard]] double unseen() const {
+    double seen = 0;
+    for (const double x : contributions) seen += std::exp2(std::clamp(x, -1000.0, 900.0));
+    const statistics::Horizon horizon = statistics::horizon_of(e_.last_vote);
+    std::vector<double> offsets;
+    for (const std::int64_t k : horizon.levels) offsets.push_back(of_ratios_ ? 0 : -power_ * p_.at(k));
+    std::vector<double> u;
+    for (const Course& c : courses_) {
+      const double l = excess(c, c.limit);
+      if (!(l > 0) || !(seen > 0)) {
+        u.push_back(1);
+        continue;
+      }
+      const double rest = statistics::sum_beyond(c, e_.last_vote, horizon, 1, offsets, l);
+      u.push_back(rest / (rest + seen));
+    }
+    std::sort(u.begin(), u.end());
+    return u[static_cast<std::size_t>((1 - shown_p) * static_cast<double>(u.size() - 1) + 0.5)];
+  }
+
+  std::vector<double> contributions;  // of levels that vote, in octaves
+
+ private:
+  // How much faster than necessary the terms fall.
+  [[nodiscard]] double excess(const Course& c, double slope) const {
+    if (of_ratios_) return slope;
+    if (!p_.power()) return c.polynomial ? -1 : slope - power_ * p_.fall();
+    if (c.polynomial) return slope - power_ * p_.exponent() - 1;
+    return slope > 0 ? std::max(slope, 0.05) : -1;
+  }
+
+  const Evidence& e_;
+  const Logarithms& p_;
+  double power_;
+  std::vector<Course> courses_;
+  bool of_ratios_ = false;
+};
+
+}  // namespace
+
+SumVerdict judge(const Evidence& e, const Masses& masses) {
+  using Value = SumVerdict::Value;
+  SumVerdict v;
+  if (e.end != End::none) {
+    if (e.grade != Grade::open) v = {Value::finite, e.grade, 0, 0, -infinity};
+    return v;
+  }
+  Logarithms p(masses);
+  if (e.courses.empty() || p.empty()) return v;
+  p.look_at(std::max(e.last_vote, p.first() + 1) + 8);
+  const Sum sum(e, p, 1);
+  v.diverges = sum.diverges();
+  v.growth = sum.growth();
+  v.unseen = sum.unseen();
+
+  if (v.diverges <= shown_p && v.unseen <= most_unseen && e.known >= 4) {
+    v.value = Value::finite;
+    v.grade = e.missing_moments ? Grade::likely : Grade::shown;
+    return v;
+  }
+  if (v.diverges <= likely_p && e.known >= 3) {
+    v.value = Value::finite;
+    v.grade = Grade::likely;
+    return v;
+  }
+  const std::size_t n = sum.contributions.size();
+  // A decay like a power beside work like a power shows late whether it is enough.
+  const bool established = e.decay.value > 4 * e.decay.error || e.decay.value + 2.6 * e.decay.error < 0;
+  const bool slow = !e.exponential_work && e.polynomial && !established;
+  const bool drops = n >= 3 && sum.contributions[n - 1] < sum.contributions[n - 3] - 1;
+  if (e.changes || e.missing_moments || slow || drops || !do_not_fall(sum.contributions) || e.known < 3) return v;
+  if (v.diverges >= 1 - shown_p) {
+    v.value = Value::infinite;
+    v.grade = e.known >= 6 && (e.exponential_work || !e.polynomial) ? Grade::shown : Grade::likely;
+  } else if (v.diverges >= 1 - likely_p && e.known >= 4 && e.answer != Answer::open) {
+    v.value = Value::infinite;
+    v.grade = Grade::likely;
+  }
+  return v;
+}
+
+double fourth_moment_diverges(const Evidence& e, const Masses& masses) {
+  if (e.end != End::none) return e.grade == Grade::open ? 0.5 : 0;
+  Logarithms p(masses);
+  if (e.courses.empty() || p.empty()) return 0.5;
+  p.look_at(std::max(e.last_vote, p.first() + 1) + 8);
+  return Sum(e, p, 3).diverges();
+}
+
+double exponent_of(const Masses& masses, std::int64_t level, bool& polynomial) {
+  Logarithms p(masses);
+  polynomial = false;
+  if (p.empty()) return 0;
+  p.look_at(std::max(level, p.first() + 1) + 8);
+  polynomial = p.power();
+  return polynomial ? p.exponent() : p.fall();
+}
+
+namespace {
+
+constexpr std::int64_t most_left_out = 64;  // levels that nobody has seen
+
+// log2 kappa beyond the votes: as it grew over the last of them.
+class RarityTrend {
+ public:
+  explicit RarityTrend(const Evidence& e) {
+    const LevelVoice* first = nullptr;
+    const LevelVoice* last = nullptr;
+    int votes = 0;
+    for (auto v = e.voices.rbegin(); v != e.voices.rend() && votes < 4; ++v) {
+      if (!v->votes()) continue;
+      if (last == nullptr) last = &*v;
+      first = &*v;
+      ++votes;
+    }
+    if (last == nullptr) return;
+    level_ = last->level;
+    height_ = last->log2_rarity;
+    if (votes > 1) {
+      slope_ =
+          std::max(0.0, (last->log2_rarity - first->log2_rarity) / static_cast<double>(last->level - first->level));
+    }
+  }
+  [[nodiscard]] double at(std::int64_t level) const {
+    return std::max(0.0, height_ + slope_ * static_cast<double>(level - level_));
+  }
+
+ private:
+  std::int64_t level_ = 0;
+  double height_ = 0;
+  double slope_ = 0;
+};
+
+}  // namespace
+
+Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
+  Doubt d;
+  const Logarithms p(masses);
+  if (masses.empty()) return d;
+  double squares = 0;  // of the variances of the parts
+  const auto add = [&](double& part, double variance, double relative) {
+    part += variance;
+    squares += variance * variance * relative;
+  };
+  for (const LevelFacts& f : e.facts) {
+    if (!f.is_base || !(f.draws > 0)) continue;
+    const bool drawn = p.holds(f.level) && p.at(f.level) < 0;  // one outcome of the PMF
+    const double variance = drawn                          ? f.second_moment * std::exp2(-p.at(f.level))
+                            : std::isnan(f.value_variance) ? f.second_moment - f.mean * f.mean
+                                                           : f.value_variance;
+    if (!(variance > 0) || !std::isfinite(variance)) continue;
+    const double kurtosis = f.fourth_moment / (f.second_moment * f.second_moment);
+    add(d.seen, variance / members,
+        (std::isfinite(kurtosis) ? std::max(kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
+  }
+  if (p.last() < p.first()) return d;
+  const std::vector<Believed> all = believed(e, p.last());
+  const RarityTrend rarity(e);
+  // What a level with a mass but no draw leaves out is its mean: those add up.
+  double left_out = 0;
+  double left_out_doubt = 0;
+  for (std::int64_t k = p.first(); k <= p.last(); ++k) {
+    const double draws_expected = std::exp2(p.at(k) + std::log2(members));
+    const double scale = std::log2(std::max(draws_expected, 1.0));
+    const LevelVoice* voice = voice_at(e, k);
+    const bool known = voice != nullptr && voice->hits >= few && std::isfinite(voice->log2_second);
+    if (known) {
+      const auto draws = static_cast<double>(e.facts[static_cast<std::size_t>(voice - e.voices.data())].draws);
+      const double rarity_seen = std::max(std::exp2(voice->log2_rarity), draws / voice->hits);
+      const bool drawn = draws_expected >= few * rarity_seen;
+      if (!drawn) d.levels.push_back(k);
+      add(drawn ? d.seen : d.undrawn, std::exp2(std::clamp(voice->log2_second - scale, -1000.0, 900.0)),
+          drawn ? rarity_seen / draws_expected : rarity_seen / draws);
+      continue;
+    }
+    d.levels.push_back(k);
+    const Believed& b = all[static_cast<std::size_t>(k)];
+    if (!std::isfinite(b.log2_second)) continue;
+    // The mean of the posterior, at most one standard deviation up.
+    const double up = std::min(b.error, 0.35 * b.error * b.error);
+    const double doubt = std::min(std::exp2(2 * b.error) - 1, most_doubt);
+    if (draws_expected < 1 && k > e.last_difference) {
+      if (k > e.last_difference + most_left_out) break;
+      left_out += std::exp2(std::clamp(b.log2_second + up - rarity.at(k), -1000.0, 900.0) / 2);
+      left_out_doubt = std::max(left_out_doubt, doubt);
+      continue;
+    }
+    add(d.unseen, std::exp2(std::clamp(b.log2_second + up - scale, -1000.0, 900.0)), doubt);
+  }
+  if (left_out > 0) add(d.unseen, left_out * left_out, left_out_doubt);
+  const double variance = d.seen + d.undrawn + d.unseen;
+  if (squares > 0) d.degrees = std::max(1.0, 2 * variance * variance / squares);
+  return d;
+}
+
+}  // namespace debias

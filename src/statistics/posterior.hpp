@@ -1,0 +1,54 @@
+#pragma once
+
+// What single levels may say, and how a trend through them may go on.
+//
+//   b_(k+dx) = b_k - s_k dx,  s_(k+dx) = s_k + N(0, tau^2 4^(-q x) dx),  seen: b_k + N(0, sigma_k^2 + omega^2)
+//   in x = k, or in x = log2(k + 1), for each (tau, omega, q) of a grid with prior (1 + tau/.1)^-1/2 (1 + omega/.1)^-1/2
+//
+// The posterior is a mixture of normal laws of (b, s) at the last level. It is told as equally likely courses from a
+// fixed low-discrepancy sequence: no random numbers.
+// Sources: Harvey 1989 (trend, filter); Roberts 2018, the R sequence; the rest derived.
+
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <debias/statistics/evidence.hpp>
+
+namespace debias::statistics {
+
+constexpr double few = 8;                       // effective hits below which a level says nothing
+constexpr double octaves = 1.4426950408889634;  // 1 / ln 2
+
+/// R1.
+std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts);
+
+struct Observation {
+  double level;
+  double value;
+  double error;
+};
+
+/// At least three observations in order of their levels. Contradicts declared rates, or follows them.
+std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
+                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction);
+
+/// b at a level beyond the last vote. The slope settles within some levels.
+double course_at(const Course& course, std::int64_t last_vote, std::int64_t level);
+
+/// Levels beyond the last vote: 32 single ones, then two an octave.
+struct Horizon {
+  std::vector<std::int64_t> levels;
+};
+Horizon horizon_of(std::int64_t last_vote);
+
+/// sum over the levels beyond of 2^(factor b_k + offset_k), for offsets at the levels of the horizon; what lies beyond
+/// it falls like 2^(-lambda k), or k^(-lambda - 1).
+double sum_beyond(const Course& course, std::int64_t last_vote, const Horizon& horizon, double factor,
+                  std::span<const double> offsets, double lambda);
+
+inline double normal_cdf(double x) { return 0.5 * std::erfc(-x / 1.4142135623730951); }
+
+}  // namespace debias::statistics
