@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <ostream>
 #include <stdexcept>
 #include <string>
@@ -15,16 +16,44 @@ namespace debias {
 namespace {
 
 constexpr double slowest_rate = 0.5;
-constexpr double expected_fall = 0.5;  // at least this part of what the rates predict
-constexpr double negligible = 0.01;    // draws that are missing and not worth a round
-constexpr std::int64_t lowest_last_level = 2;
+constexpr double fastest_rate = 1;         // of the mean, unless more is declared: few levels overstate it
+constexpr std::int64_t fewest_levels = 4;  // before anything is extrapolated
+constexpr double fewest_draws = 64;        // of the pilot of a deep level
+constexpr double enough_hits = 32;         // of a level, in its pilot
+constexpr double fewest_hits = 8;          // without which its variance is not known
+constexpr double pilot_share = 1.0 / 16;   // of the draws of a level, where these are many
+constexpr double most_pilot = 0x1p24;      // draws of a pilot
+constexpr std::int64_t pilot_first = std::int64_t{1} << 50;  // its samples: none that a run will draw
 
 // The sums of one level, component by component.
 struct Level {
   std::int64_t draws = 0;
   double work = 0;
+  double second = 0;  // sums of the norm, squared and to the fourth
+  double fourth = 0;
   std::vector<Moments> components;
 
+  void add(const Statistics& s) {
+    // Components of I_l, of its coarse partner and of D_l, then a flag: see Several.
+    const std::size_t each = (s.components.size() - 1) / 3;
+    components.resize(each);
+    const auto n = static_cast<double>(s.samples);
+    for (std::size_t c = 0; c < each; ++c) {
+      const ComponentEstimate& d = s.components[2 * each + c];
+      Moments m;
+      m.count = s.samples;
+      m.mean = d.mean;
+      m.m2 = s.samples > 1 ? d.variance * (n - 1) : 0;
+      components[c].merge(m);
+    }
+    for (const LevelRow& row : s.levels) {
+      if (row.is_base) continue;
+      second += n * row.second_moment;
+      fourth += n * row.fourth_moment;
+    }
+    draws += s.samples;
+    work += s.work;
+  }
   [[nodiscard]] double mean() const {
     if (components.size() == 1) return components[0].mean;
     double square = 0;
@@ -36,9 +65,14 @@ struct Level {
     for (const Moments& m : components) sum += m.m2 / static_cast<double>(m.count);
     return sum;
   }
+  [[nodiscard]] double error() const { return std::sqrt(variance() / static_cast<double>(draws)); }
   [[nodiscard]] double work_per_draw() const { return work / static_cast<double>(draws); }
+  // Draws that carry the second moment.
+  [[nodiscard]] double hits() const { return fourth > 0 ? second * second / fourth : 0; }
 };
 
+// The draws that count are fixed from a pilot of each level, and drawn afresh: draws whose number depends on what they
+// showed are biased.
 class Driver {
  public:
   Driver(const LevelRuns& runs, double error, const Plan& plan, const MultilevelOptions& options)
@@ -46,165 +80,179 @@ class Driver {
 
   MultilevelStatistics run() {
     MultilevelStatistics result;
-    const auto start = std::chrono::steady_clock::now();
-    for (std::int64_t l = 0; l <= lowest_last_level; ++l) add_level();
-    for (bool first = true;; first = false) {
-      draw_what_is_missing();
-      if (first) {
-        for (const Level& level : levels_) result.pilot_work += level.work;
-        result.pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      }
-      measure();
-      if (plan_draws()) continue;
-      if (remaining_bias() <= std::sqrt(options_.bias_share) * error_) {
-        if (plan_the_rest()) continue;
-        result.converged = true;
+    while (std::ssize(pilots_) < std::min(fewest_levels, most_levels())) add_level();
+    for (;;) {
+      const auto start = std::chrono::steady_clock::now();
+      plan_levels();
+      result.pilot_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      draw();
+      result.bias = remaining_bias(levels_);
+      if (total_error(result.bias) <= error_ && is_known()) {
+        result.converged = std::ssize(levels_) >= fewest_levels;
         break;
       }
-      if (static_cast<std::int64_t>(levels_.size()) >= options_.most_levels || last_level() == runs_.deepest_level)
-        break;
-      variance_.push_back(variance_.back() / std::exp2(beta_));
-      work_.push_back(work_.back() * std::exp2(gamma_));
-      mean_.push_back(0);
+      if (std::ssize(pilots_) >= most_levels() || !(result.bias > allowed_bias())) break;
       add_level();
-      missing_.back() = 0;
-      plan_draws();
     }
     finish(result);
     return result;
   }
 
  private:
-  [[nodiscard]] std::int64_t last_level() const { return static_cast<std::int64_t>(levels_.size()) - 1; }
+  [[nodiscard]] std::int64_t most_levels() const {
+    return runs_.deepest_level < options_.most_levels ? runs_.deepest_level + 1 : options_.most_levels;
+  }
+  [[nodiscard]] double allowed_bias() const { return std::sqrt(options_.bias_share) * error_; }
 
   void add_level() {
+    pilots_.emplace_back();
     levels_.emplace_back();
-    missing_.push_back(options_.first_draws);
+    // Deep levels are dear: about what the run will ask for, as far as the level above tells.
+    const auto first = static_cast<double>(options_.first_draws);
+    const bool extrapolated = std::ssize(pilots_) > fewest_levels && !wanted_.empty();
+    grow(pilots_.size() - 1, extrapolated ? std::clamp(wanted_.back(), std::min(fewest_draws, first), first) : first);
   }
 
-  void draw_what_is_missing() {
-    for (std::size_t l = 0; l < levels_.size(); ++l) {
-      if (missing_[l] == 0) continue;
-      Level& level = levels_[l];
-      Plan part = plan_;
-      part.first = level.draws;
-      part.samples = missing_[l];
-      part.goal = {};
-      part.save = {};
-      part.earlier = {};
-      part.pilot = {};
-      const Statistics s = runs_.draw(static_cast<std::int64_t>(l), part);
-      // Components of I_l, of its coarse partner and of D_l, then a flag: see Several.
-      const std::size_t each = (s.components.size() - 1) / 3;
-      level.components.resize(each);
-      const auto n = static_cast<double>(s.samples);
-      for (std::size_t c = 0; c < each; ++c) {
-        const ComponentEstimate& d = s.components[2 * each + c];
-        Moments m;
-        m.count = s.samples;
-        m.mean = d.mean;
-        m.m2 = s.samples > 1 ? d.variance * (n - 1) : 0;
-        level.components[c].merge(m);
+  Statistics draws_of(std::size_t l, std::int64_t first, std::int64_t count) const {
+    Plan part = plan_;
+    part.first = first;
+    part.samples = count;
+    part.goal = {};
+    part.save = {};
+    part.earlier = {};
+    part.pilot = {};
+    return runs_.draw(static_cast<std::int64_t>(l), part);
+  }
+
+  void add(Level& level, std::size_t l, const Statistics& s) {
+    level.add(s);
+    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
+    if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
+      throw std::invalid_argument("multilevel: level " + std::to_string(l) +
+                                  " (draws, or their squares, are not finite: no mean and no error)");
+    }
+  }
+
+  void grow(std::size_t l, double draws) {
+    Level& pilot = pilots_[l];
+    const auto more = static_cast<std::int64_t>(std::min(draws, most_pilot)) - pilot.draws;
+    if (more < 2) return;
+    add(pilot, l, draws_of(l, pilot_first + pilot.draws, more));
+  }
+
+  // The draws that each level asks for, from pilots that know its variance, until the bias is small enough.
+  void plan_levels() {
+    for (;;) {
+      wanted_draws();
+      bool grown = false;
+      double cost = 0;
+      for (std::size_t l = 0; l < pilots_.size(); ++l) cost += wanted_[l] * pilots_[l].work_per_draw();
+      for (std::size_t l = 0; l < pilots_.size(); ++l) {
+        const Level& pilot = pilots_[l];
+        const auto have = static_cast<double>(pilot.draws);
+        double want = std::max(have, pilot_share * wanted_[l]);
+        // A level whose variance is not known may cost as much as all others.
+        if (pilot.hits() < enough_hits && pilot.work < cost) want = std::max(want, 2 * have);
+        // Of the last three, the first knows its mean best.
+        if (l + 3 == pilots_.size() && 2 * pilot.error() > 0.5 * allowed_bias() && have < wanted_[l]) {
+          want = std::max(want, std::min(wanted_[l], 4 * have));
+        }
+        if (want >= 1.25 * have && have < most_pilot) {
+          grow(l, want);
+          grown = true;
+        }
       }
-      if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
-      if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
-        throw std::invalid_argument("multilevel: level " + std::to_string(l) +
-                                    " (draws, or their squares, are not finite: no mean and no error)");
+      if (grown) continue;
+      if (remaining_bias(pilots_) <= 0.9 * allowed_bias() || std::ssize(pilots_) >= most_levels()) return;
+      add_level();
+    }
+  }
+
+  void wanted_draws() {
+    double roots = 0;
+    std::vector<double> variances;
+    for (const Level& pilot : pilots_) {
+      const double doubt = 2 / std::sqrt(std::max(pilot.hits(), 1.0));
+      variances.push_back(pilot.variance() * (1 + doubt));
+      roots += std::sqrt(variances.back() * pilot.work_per_draw());
+    }
+    const double budget = (1 - options_.bias_share) * error_ * error_;
+    wanted_.clear();
+    for (std::size_t l = 0; l < pilots_.size(); ++l) {
+      const double n = std::ceil(std::sqrt(variances[l] / pilots_[l].work_per_draw()) * roots / budget);
+      if (!(n < 0x1p49)) {
+        throw std::invalid_argument("multilevel: error = " + format("%g", error_) + " (asks for " + format("%.3g", n) +
+                                    " draws of level " + std::to_string(l) + ")");
       }
-      level.draws += s.samples;
-      level.work += s.work;
-      missing_[l] = 0;
+      wanted_.push_back(std::max(n, 2.0));
     }
   }
 
-  // Means, variances and work of the levels, with their floors, and the rates behind those.
-  void measure() {
-    variance_.clear();
-    mean_.clear();
-    work_.clear();
-    for (const Level& level : levels_) {
-      mean_.push_back(std::abs(level.mean()));
-      variance_.push_back(level.variance());
-      work_.push_back(level.work_per_draw());
+  void draw() {
+    for (std::size_t l = 0; l < pilots_.size(); ++l) {
+      const auto wanted = static_cast<std::int64_t>(wanted_[l]);
+      if (wanted > levels_[l].draws) add(levels_[l], l, draws_of(l, levels_[l].draws, wanted - levels_[l].draws));
     }
-    alpha_ = rate(mean_);
-    beta_ = rate(variance_);
-    for (std::size_t l = 2; l < levels_.size(); ++l) {
-      mean_[l] = std::max(mean_[l], expected_fall * mean_[l - 1] / std::exp2(alpha_));
-      variance_[l] = std::max(variance_[l], expected_fall * variance_[l - 1] / std::exp2(beta_));
-    }
-    gamma_ = std::log2(work_.back() / work_[work_.size() - 2]);
   }
 
-  // Of the fall of y over the levels from 1 on: two of them at least, since a line through one point has no slope.
-  static double rate(const std::vector<double>& y) {
+  // Of the fall of |E D_l| over the last levels that show it, at its slow end.
+  [[nodiscard]] double alpha_of(const std::vector<Level>& levels) const {
+    constexpr double bend = 0.2;  // octaves that a mean may lie beside the line
     std::vector<double> x;
     std::vector<double> logs;
-    for (std::size_t l = 1; l < y.size(); ++l) {
-      if (!(y[l] > 0)) continue;
+    std::vector<double> errors;
+    for (std::size_t l = levels.size() - 1; l > 0 && x.size() < 4; --l) {
+      const double size = std::abs(levels[l].mean());
+      if (!(size > 2 * levels[l].error())) continue;  // drowned: it would look like no fall at all
       x.push_back(static_cast<double>(l));
-      logs.push_back(std::log2(y[l]));
+      logs.push_back(std::log2(size));
+      errors.push_back(std::hypot(bend, levels[l].error() / size / std::log(2.0)));
     }
     if (x.size() < 2) return slowest_rate;
-    return std::max(slowest_rate, -fit_line(x, logs, std::vector<double>(x.size(), 1.0)).slope);
+    double most = fastest_rate;
+    // Declared: E D_l^2 falls at most twice as fast as E D_l.
+    if (runs_.facts.declared && runs_.facts.declared->decay == Decay::geometric) {
+      most = std::max(most, std::min(runs_.facts.declared->variance / 2, 4.0));
+    }
+    const Line line = fit_line(x, logs, errors);
+    return std::clamp(-line.slope - line.slope_error, slowest_rate, most);
   }
 
-  // True when some level needs more draws, by more than a percent.
-  bool plan_draws() {
-    double roots = 0;
-    for (std::size_t l = 0; l < levels_.size(); ++l) roots += std::sqrt(variance_[l] * work_[l]);
-    const double budget = (1 - options_.bias_share) * error_ * error_;
-    bool needed = false;
-    for (std::size_t l = 0; l < levels_.size(); ++l) {
-      const double wanted = std::ceil(std::sqrt(variance_[l] / work_[l]) * roots / budget);
-      if (!(wanted < 0x1p53)) {
-        throw std::invalid_argument("multilevel: error = " + format("%f", error_) +
-                                    " (asks for more than 2^53 draws of level " + std::to_string(l) + ")");
-      }
-      const auto have = static_cast<double>(levels_[l].draws);
-      missing_[l] = wanted > have ? static_cast<std::int64_t>(wanted - have) : 0;
-      if (levels_[l].draws == 0) missing_[l] = std::max<std::int64_t>(missing_[l], 2);
-      needed = needed || wanted - have > negligible * have;
+  // The least upper bound of the last three levels, at two errors, but no less than a lower bound of any of them.
+  [[nodiscard]] double remaining_bias(const std::vector<Level>& levels) const {
+    const double alpha = alpha_of(levels);
+    double upper = std::numeric_limits<double>::infinity();
+    double lower = 0;
+    for (std::size_t k = 0; k < 3 && k + 1 < levels.size(); ++k) {
+      const Level& level = levels[levels.size() - 1 - k];
+      const double fall = std::exp2(-alpha * static_cast<double>(k));
+      upper = std::min(upper, (std::abs(level.mean()) + 2 * level.error()) * fall);
+      lower = std::max(lower, (std::abs(level.mean()) - 2 * level.error()) * fall);
     }
-    return needed;
+    return std::max(upper, lower) / (std::exp2(alpha) - 1);
   }
 
-  // True where the draws that are missing by less than that percent leave the error above the goal: then they are drawn.
-  bool plan_the_rest() {
-    double variance = 0;
-    for (const Level& level : levels_) {
-      double squares = 0;
-      for (const Moments& m : level.components) squares += m.standard_error() * m.standard_error();
-      variance += squares;
-    }
-    const double bias = remaining_bias();
-    const double allowed = error_ * error_ - bias * bias;
-    if (variance <= allowed) return false;
-    constexpr double margin = 1.001;
-    for (std::size_t l = 0; l < levels_.size(); ++l) {
-      const auto have = static_cast<double>(levels_[l].draws);
-      missing_[l] = static_cast<std::int64_t>(std::ceil(have * (margin * variance / allowed - 1)));
-    }
-    return true;
+  [[nodiscard]] double total_error(double bias) const {
+    double square = bias * bias;
+    for (const Level& level : levels_) square += level.variance() / static_cast<double>(level.draws);
+    return std::sqrt(square);
   }
 
-  [[nodiscard]] double remaining_bias() const {
-    double bias = 0;
-    const std::size_t last = mean_.size() - 1;
-    for (std::size_t k = 0; k < 3 && k < last; ++k) {
-      bias = std::max(bias, mean_[last - k] * std::exp2(-alpha_ * static_cast<double>(k)));
-    }
-    return bias / (std::exp2(alpha_) - 1);
+  // Every level has shown its variance.
+  [[nodiscard]] bool is_known() const {
+    return std::all_of(pilots_.begin(), pilots_.end(), [](const Level& pilot) {
+      return pilot.hits() >= fewest_hits || (pilot.second == 0 && pilot.draws >= 1000);
+    });
   }
 
   void finish(MultilevelStatistics& result) const {
     result.goal = error_;
-    result.bias = remaining_bias();
-    result.alpha = alpha_;
-    result.beta = beta_;
+    result.alpha = alpha_of(levels_);
     result.seed = plan_.seed;
     result.warnings = warnings_;
     result.components.resize(levels_.front().components.size());
+    std::vector<double> x;
+    std::vector<double> logs;
     for (std::size_t l = 0; l < levels_.size(); ++l) {
       const Level& level = levels_[l];
       for (std::size_t c = 0; c < level.components.size(); ++c) {
@@ -213,25 +261,25 @@ class Driver {
         e.mean += m.mean;
         e.standard_error = std::hypot(e.standard_error, m.standard_error());
       }
-      result.work += level.work;
+      result.pilot_work += pilots_[l].work;
+      result.work += level.work + pilots_[l].work;
       result.rows.push_back(
           {static_cast<std::int64_t>(l), level.draws, level.mean(), level.variance(), level.work_per_draw()});
+      if (l == 0 || !(level.variance() > 0)) continue;
+      x.push_back(static_cast<double>(l));
+      logs.push_back(std::log2(level.variance()));
     }
+    result.beta = x.size() < 2 ? slowest_rate : -fit_line(x, logs, std::vector<double>(x.size(), 1.0)).slope;
   }
 
   const LevelRuns& runs_;
   const Plan& plan_;
   const MultilevelOptions& options_;
   double error_;
+  std::vector<Level> pilots_;
   std::vector<Level> levels_;
+  std::vector<double> wanted_;
   std::vector<std::string> warnings_;
-  std::vector<std::int64_t> missing_;
-  std::vector<double> mean_;
-  std::vector<double> variance_;
-  std::vector<double> work_;
-  double alpha_ = slowest_rate;
-  double beta_ = slowest_rate;
-  double gamma_ = 0;
 };
 
 }  // namespace
@@ -254,10 +302,10 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
   if (options.first_draws < 2) {
     refuse("first_draws = " + std::to_string(options.first_draws) + " (a variance needs two); 1000 is usual");
   }
-  if (options.most_levels < lowest_last_level + 1) {
+  if (options.most_levels < 3) {
     refuse("most_levels = " + std::to_string(options.most_levels) + " (must be at least 3); 24 is usual");
   }
-  if (runs.deepest_level < lowest_last_level) {
+  if (runs.deepest_level < 2) {
     refuse("the sequence can draw no level beyond " + std::to_string(runs.deepest_level) +
            " (a bias takes three levels)");
   }
@@ -278,7 +326,7 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
       << format("%.3g", s.error()) << '\n';
   out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
   out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
-      << " in the first draws, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
+      << " in the pilots, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
   for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
   const auto line = [&out](const std::array<std::string, 5>& cells) {
     constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};

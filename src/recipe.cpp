@@ -12,15 +12,20 @@
 
 #include "core/ranks.hpp"
 #include "core/text.hpp"
+#include "survey/pilot.hpp"
 
 namespace debias {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double first_pilot_draws = 1 << 14;  // of the lowest level, in work
-constexpr double open_pilot_draws = 1 << 20;   // that a no, or a doubt, has to survive
-constexpr double most_growth = 16;             // of a pilot over the one before
-constexpr int most_stages = 4;
+constexpr double fewest_pilot_draws = 1 << 12;
+constexpr double most_pilot_draws = 1 << 26;  // in work of the lowest level, whatever a goal costs
+constexpr std::int64_t first_deepest = 12;    // level, of the first stage
+constexpr double open_growth = 4;             // while nothing is shown
+constexpr double likely_share = 1.0 / 10;     // of the run's work, for an answer that is only likely
+constexpr double most_growth = 16;            // of a pilot over the one before
+constexpr int most_stages = 12;
 constexpr double pilot_share = 1.0 / 32;  // of the work of the run
 constexpr double most_base_work = 64;     // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
@@ -33,7 +38,10 @@ constexpr double narrow = 0.05;           // of the work's exponent, for the law
 constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
 constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
 constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
-constexpr double negligible = 1e-10;      // of a squared difference beside the squared value: no deeper base
+constexpr double negligible = 1e-22;      // of a squared difference beside the squared value: no deeper base
+constexpr double most_cancelled = 0.01;   // that a variance of base and difference is trusted to leave of theirs
+constexpr double enough_draws = 16;       // of a level that was measured, in a run that can pay for them
+constexpr double cheap = 0.002;           // of the work of a run, for those draws
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
@@ -44,10 +52,7 @@ double rounded(double x, int digits) {
 
 }  // namespace
 
-bool Advice::usable() const {
-  if (survey.law_exists != Answer::cannot_tell) return survey.law_exists == Answer::yes;
-  return debias::law_exists(rates_of(survey.rates));  // false for rates that are not known
-}
+bool Advice::usable() const { return survey.law_exists != Answer::no; }
 
 namespace {
 
@@ -68,12 +73,15 @@ class Choice {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
-    const std::int64_t lowest = options_.base_level.value_or(options_.lowest_base);
-    const std::int64_t highest = options_.base_level.value_or(static_cast<std::int64_t>(survey_.rows.size()) - 2);
+    const std::int64_t lowest =
+        options_.base_level.value_or(std::max(options_.lowest_base, survey_.evidence.lowest_base));
+    const std::int64_t highest =
+        std::max(lowest, options_.base_level.value_or(survey_.rows[survey_.rows.size() - 2].level));
     const double unit = row(lowest).value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
+      if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
-      if (m < highest && !settled(m)) continue;
+      if (m < highest && !has_moments(m)) continue;
       if (m > lowest && exhausted(m)) break;
       for (const Base base : {Base::always, Base::drawn}) {
         if (options_.base && *options_.base != base) continue;
@@ -83,7 +91,7 @@ class Choice {
         const bool is_drawable = drawable(law, setup);
         if (found_drawable && !is_drawable) continue;
         found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
-        const double product = predict(moments, law).product();
+        const double product = price_of(moments, law);
         // A variance that was measured in n draws is not better than another one by its noise.
         const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
         if (found && !(product < (worthwhile - noise) * best)) continue;
@@ -97,34 +105,48 @@ class Choice {
   }
 
  private:
+  // The bounds of the exponent of a tail.
+  [[nodiscard]] ExponentRange range() const {
+    const Evidence& e = survey_.evidence;
+    const double work = e.exponential_work != e.polynomial ? e.work.value : 0;
+    const double beta = e.courses.empty() ? infinity : e.decay.value;
+    return finite_exponents({beta, work, e.polynomial ? Decay::polynomial : Decay::geometric});
+  }
+
   // Variance x work over all levels: behind those of the model, powers of the level go on for long.
   [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& law) const {
     VarianceAndWork sums = predict(moments, law);
-    if (survey_.rates.kind == RateKind::polynomial) {
+    if (survey_.evidence.polynomial) {
       const std::size_t last = moments.work.size() - 1;
       const double p = law.mass(static_cast<std::int64_t>(last));
-      const ExponentRange range = finite_exponents(rates_of(survey_.rates));
       const double s = law.tail_exponent().exponent;
       const double levels = static_cast<double>(last) + 1;
-      sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range.high - s);
-      sums.work += moments.work[last] * p * levels / (s - range.low);
+      sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range().high - s);
+      sums.work += moments.work[last] * p * levels / (s - range().low);
     }
     return sums.product();
   }
 
   [[nodiscard]] const SurveyRow& row(std::int64_t level) const {
-    return survey_.rows.at(static_cast<std::size_t>(level));
+    const SurveyRow* found = survey_.row_at(level);
+    if (found == nullptr) throw std::out_of_range("recipe: level " + std::to_string(level) + " was not drawn");
+    return *found;
   }
 
-  // No level above m is wild: the first ones may lack moments, which a kurtosis beyond the draws shows.
-  [[nodiscard]] bool settled(std::int64_t m) const {
-    for (const SurveyRow& r : survey_.rows) {
-      if (r.level <= m) continue;
-      if (!std::isfinite(r.second_moment)) return false;
-      if (r.votes || r.fitted) return true;
-      if (r.second_moment > 0) return false;
+  // Variance x work. Where base and difference nearly cancel, what is left of the measured moments is their noise.
+  [[nodiscard]] static double price_of(const TermMoments& moments, const AnyPmf& law) {
+    VarianceAndWork net = predict(moments, law);
+    if (!moments.covariance.empty()) {
+      TermMoments gross = moments;
+      gross.covariance.clear();
+      net.variance = std::max(net.variance, most_cancelled * predict(gross, law).variance);
     }
-    return true;
+    return net.product();
+  }
+
+  [[nodiscard]] bool has_moments(std::int64_t m) const {
+    const SurveyRow& r = row(m);
+    return std::isfinite(r.variance) && std::isfinite(r.mean) && r.variance < 1e300;
   }
 
   // The differences above m are next to nothing beside the value: rounding, or the end of the sequence, is near.
@@ -149,13 +171,18 @@ class Choice {
 
   // The best law, or the one next to it that can be drawn, if one of finite variance can.
   AnyPmf law_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
-    const double exponent = tail_exponent_for(survey_.rates);
+    const double exponent = tail_exponent_for(survey_);
     const auto with = laws_of(setup, all);
     const AnyPmf best = with(exponent);
     if (drawable(best, setup)) return best;
-    const double bound = finite_exponents(rates_of(survey_.rates)).high;
+    const double bound = range().high;
     double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
-    if (!(high > exponent) || !drawable(with(high), setup)) return best;  // the run will be refused
+    if (!(high > exponent) || !drawable(with(high), setup)) {
+      if (!survey_.evidence.polynomial || is_established()) return best;  // the run will be refused
+      // A power of 2 explains the levels, too.
+      const AnyPmf other = tables_of(setup, all)(geometric_exponent());
+      return drawable(other, setup) ? other : best;
+    }
     for (double low = exponent; high - low > 1e-3;) {
       const double middle = (low + high) / 2;
       (drawable(with(middle), setup) ? high : low) = middle;
@@ -167,9 +194,29 @@ class Choice {
 
   // The law for an exponent of its tail.
   [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
-    if (survey_.rates.kind == RateKind::polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
+    if (survey_.evidence.polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
+    return tables_of(setup, all);
+  }
+
+  // A power of the level, and nothing else.
+  [[nodiscard]] bool is_established() const { return survey_.evidence.decay.value > 4 * survey_.evidence.decay.error; }
+
+  // Half the decay that those courses have which fall like a power of 2.
+  [[nodiscard]] double geometric_exponent() const {
+    constexpr double least = 0.02;
+    double sum = 0;
+    double count = 0;
+    for (const Course& c : survey_.evidence.courses) {
+      if (c.polynomial) continue;
+      sum += c.limit;
+      ++count;
+    }
+    return std::max(least, count > 0 ? sum / count / 2 : least);
+  }
+
+  [[nodiscard]] std::function<AnyPmf(double exponent)> tables_of(const Setup& setup, const TermMoments& all) const {
     TermMoments t = all;
-    std::size_t outcomes = survey_.rows.size() + levels_beyond - static_cast<std::size_t>(setup.first_level());
+    auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - setup.first_level()) + levels_beyond;
     // The table ends at the deepest level: what lies beyond is the tail's.
     const std::int64_t drawn = runs_.deepest_level - setup.first_level() + 1;
     if (drawn > 0) outcomes = std::min(outcomes, static_cast<std::size_t>(drawn));
@@ -182,20 +229,39 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    return [&all, best = best_masses(t), is_drawn = setup.base == Base::drawn](double exponent) {
-      return fair_or_fastest(all, best, exponent, is_drawn);
+    return [this, &all, setup, best = best_masses(t)](double exponent) {
+      return fair_or_fastest(all, best, exponent, setup);
     };
   }
 
-  static AnyPmf fair_or_fastest(const TermMoments& all, const std::vector<double>& best, double exponent,
-                                bool base_is_drawn) {
+  AnyPmf fair_or_fastest(const TermMoments& all, std::vector<double> best, double exponent, const Setup& setup) const {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
-    const std::size_t free = base_is_drawn ? 2 : 1;
+    const std::size_t free = setup.base == Base::drawn ? 2 : 1;
     for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
+    give_draws(all.work, free, setup, best);
+    give_draws(all.work, free, setup, even);
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
     return predict(all, fair).product() <= price_of_fourth * predict(all, fastest).product() ? fair : fastest;
+  }
+
+  // A level with a mass of less than one draw is missing from most runs, whose error then is its mean. So each level that
+  // was measured gets some draws, as far as they cost next to nothing.
+  void give_draws(const std::vector<double>& work, std::size_t free, const Setup& setup,
+                  std::vector<double>& masses) const {
+    if (advice_.members <= 0) return;
+    double total = 0;
+    double work_of_member = 0;
+    for (std::size_t j = 0; j < masses.size(); ++j) total += masses[j];
+    for (std::size_t j = 0; j < masses.size(); ++j) work_of_member += masses[j] / total * work[j];
+    for (std::size_t j = free; j < masses.size(); ++j) {
+      const SurveyRow* measured = survey_.row_at(setup.first_level() + static_cast<std::int64_t>(j));
+      if (measured == nullptr || !(measured->second_moment > 0)) continue;
+      const double least =
+          std::min(enough_draws / static_cast<double>(advice_.members), cheap * work_of_member / work[j]);
+      masses[j] = std::max(masses[j], least * total);
+    }
   }
 
   static AnyPmf tabulated(std::vector<double> masses, double exponent) {
@@ -218,10 +284,9 @@ class Choice {
     advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     const double rho = advice_.exponent.exponent;
-    const double beta = survey_.rates.variance.value;
-    const bool polynomial = survey_.rates.kind == RateKind::polynomial;
-    // E |D / p|^q p is summable.
-    const double excess = rho - beta / 2;
+    const bool polynomial = survey_.evidence.polynomial;
+    // E |D / p|^q p is summable; where the levels end, or nothing is known, there is no figure.
+    const double excess = survey_.evidence.courses.empty() ? -1 : rho - survey_.evidence.decay.value / 2;
     advice_.highest_moment = !(excess > 0) ? infinity : (polynomial ? (rho - 1) / excess : rho / excess);
   }
 
@@ -269,37 +334,44 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   return std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no standard error
 }
 
-std::string rate_text(const MeasuredRates& r) {
-  if (r.kind == RateKind::exact_zero) return "the differences are zero beyond the first levels";
-  if (std::isnan(r.variance.value)) return "too few levels have enough draws for their kurtosis to show a decay";
-  if (r.kind == RateKind::super_exponential) return "the differences fall faster than any power";
-  const char* unit = r.kind == RateKind::polynomial ? "k^" : "2^(k x ";
-  const char* end = r.kind == RateKind::polynomial ? "" : ")";
-  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -r.variance.value) + end + " (+- " +
-         format("%.2f", r.variance.error) + "), work grows like " + unit + format("%.2f", r.work.value) + end;
+std::string levels_text(const Evidence& e) {
+  if (e.first_vote < 0) return "no level";
+  return e.first_vote == e.last_vote ? "level " + std::to_string(e.first_vote)
+                                     : "levels " + std::to_string(e.first_vote) + " to " + std::to_string(e.last_vote);
+}
+
+// What the levels show of the decay.
+std::string rate_text(const Survey& s) {
+  const Evidence& e = s.evidence;
+  if (e.end == End::aliased) return "the differences vanish but the value still varies";
+  if (e.end == End::zeros || e.end == End::stated) return "the differences are zero beyond the first levels";
+  if (e.courses.empty()) return "too few levels show their second moment";
+  if (s.rates.kind == RateKind::super_exponential) return "the differences fall faster than any power";
+  const char* unit = e.polynomial ? "k^" : "2^(k x ";
+  const char* end = e.polynomial ? "" : ")";
+  const bool grows = e.exponential_work != e.polynomial;
+  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -e.decay.value) + end + " (+- " +
+         format("%.2f", e.decay.error) + ", " + levels_text(e) + "), work grows like " + unit +
+         format("%.2f", grows ? e.work.value : 0) + end;
 }
 
 void describe_none(Advice& a) {
-  const MeasuredRates& r = a.survey.rates;
-  const bool polynomial = r.kind == RateKind::polynomial;
-  const double work = std::isfinite(r.work.value) ? r.work.value : 1;
+  const Evidence& e = a.survey.evidence;
+  const bool polynomial = e.polynomial;
+  const double work = e.exponential_work != polynomial ? e.work.value : 0;
+  const double beta = e.decay.value;
   const double rho = work + narrow + (polynomial ? 1 : 0);
   a.law = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
   a.exponent = a.law.tail_exponent();
-  const double excess = rho - r.variance.value / 2;
+  const double excess = rho - beta / 2;
   a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
-  a.sentences.push_back(
-      (a.survey.law_exists == Answer::no
-           ? "no law has finite variance and finite work: "
-           : "cannot tell yet whether a law has finite variance and finite work, and as measured in " +
-                 format("%.3g", a.pilot_work) + " of work, none has (ask for more samples): ") +
-      rate_text(r));
+  a.sentences.push_back("no law has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
+                        "): " + rate_text(a.survey));
   std::string best = "the best with finite work is " + a.law.spec();
   if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
-  if (!polynomial && r.variance.value > 0 && work > 0) {
-    best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - r.variance.value))) +
-            " in the limit), the error falls like work^-" +
-            format("%.2g", std::min(0.5, r.variance.value / (2 * work)));
+  if (!polynomial && beta > 0 && work > 0) {
+    best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
+            " in the limit), the error falls like work^-" + format("%.2g", std::min(0.5, beta / (2 * work)));
   }
   a.sentences.push_back(best);
   a.sentences.emplace_back(
@@ -309,7 +381,15 @@ void describe_none(Advice& a) {
 }
 
 void describe(Advice& a) {
-  const MeasuredRates& r = a.survey.rates;
+  const Survey& s = a.survey;
+  const double work = s.evidence.exponential_work != s.evidence.polynomial ? s.evidence.work.value : 0;
+  if (s.law_exists == Answer::yes) {
+    a.sentences.push_back("a law with finite variance and finite work exists (" + std::string(name_of(s.grade)) +
+                          "): " + rate_text(s));
+  } else {
+    a.sentences.push_back("open whether a law has finite variance and finite work: " + rate_text(s) +
+                          "; the interval allows for levels that were not seen, more samples tell more");
+  }
   const char* form = a.shares_base
                          ? ", made of the draws of the difference"
                          : (a.base == Base::drawn ? ", one outcome of the law" : ", evaluated in every sample");
@@ -329,7 +409,7 @@ void describe(Advice& a) {
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments =
-      rate_text(r) + ", the tail of the law like " +
+      "the tail of the law falls like " +
       (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
   if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
   if (a.price != 1) {
@@ -339,8 +419,8 @@ void describe(Advice& a) {
                           std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
                           format("%.3g", a.price) + " times its variance x work");
   }
-  if (r.work.value > 0 && a.exponent.decay == Decay::geometric) {
-    moments += std::string("; the variance of the work is ") + (rho > 2 * r.work.value ? "finite" : "infinite");
+  if (work > 0 && a.exponent.decay == Decay::geometric) {
+    moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");
   }
   a.sentences.push_back(moments);
 }
@@ -389,63 +469,85 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   detail::check_goal(plan.goal);
   const std::int64_t lowest = options.base_level.value_or(options.lowest_base);
   detail::check_base_level("recipe", lowest);
-  Plan pilot = plan;
-  pilot.samples = std::int64_t{1} << 16;
-  pilot.first = 0;
-  pilot.goal = {};
-  pilot.save = {};
-  pilot.earlier = {};
-  pilot.pilot = {};
-  pilot.whole = 0;
+  if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {
+    throw std::invalid_argument("recipe: budget = " + format("%g", *options.budget) +
+                                " (the work of the pilot must be positive and finite)");
+  }
+  Plan pilot_plan = plan;
+  pilot_plan.first = 0;
+  pilot_plan.goal = {};
+  pilot_plan.save = {};
+  pilot_plan.earlier = {};
+  pilot_plan.pilot = {};
+  pilot_plan.whole = 0;
   const auto start = std::chrono::steady_clock::now();
   const auto seconds_so_far = [&] {
-    return detail::share<double>(
-        pilot.ranks, [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); });
+    return detail::share<double>(pilot_plan.ranks, [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    });
   };
-  double work = 0;
-  const LevelRuns runs = remembering(levels, work);
-  const double unit = runs.work(lowest, pilot).first;
-  double budget = first_pilot_draws * unit;
+  double extra = 0;  // work of what a choice draws for itself
+  LevelRuns runs = remembering(levels, extra);
+  if (options.rates) runs.facts.declared = options.rates;
+  const double unit = std::max(runs.work(lowest, pilot_plan).first, std::numeric_limits<double>::min());
+  const double samples = plan.goal.asked() ? infinity : static_cast<double>(plan.samples);
+  double budget = unit * std::clamp(samples / 2, fewest_pilot_draws, first_pilot_draws);
+  if (options.budget) budget = std::min(budget, *options.budget);
+  Pilot pilot(runs, pilot_plan);
   Advice advice;
+  std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
   for (int stage = 0;; ++stage) {
-    Advice next;
-    next.survey = survey_within(runs, budget, pilot);
-    work += next.survey.work;
-    next.pilot_seconds = seconds_so_far();
-    if (static_cast<std::int64_t>(next.survey.rows.size()) < lowest + 3) {
-      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
-                                  std::to_string(next.survey.rows.size() - 1) +
-                                  ", and a law needs two differences above the base); take a lower one");
-    }
-    if (next.usable()) {
-      next.runs_together = static_cast<bool>(runs.together);
-      next.block = std::max<std::int64_t>(advice.block, 64);
-      set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
-                                          : static_cast<double>(plan.samples));
-      Choice(runs, pilot, options, plan.goal.asked(), next).choose();
-      if (plan.goal.asked()) {
-        set_members(next, wanted_members(next, plan));
-        Choice(runs, pilot, options, plan.goal.asked(), next).choose();  // with the block of that many members
-        set_members(next, wanted_members(next, plan));
+    pilot.grow(budget, deepest);
+    const auto choose = [&](bool budget_spent) {
+      Advice next;
+      next.survey = pilot.concluded(budget_spent);
+      next.facts = runs.facts;
+      if (next.survey.rows.back().level < lowest + 2) {
+        throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
+                                    std::to_string(next.survey.rows.back().level) +
+                                    ", and a law needs two differences above the base); take a lower one");
+      }
+      if (next.usable()) {
+        next.runs_together = static_cast<bool>(runs.together);
+        next.block = std::max<std::int64_t>(advice.block, 64);
+        set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
+                                            : static_cast<double>(plan.samples));
+        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
+        if (plan.goal.asked()) {
+          set_members(next, wanted_members(next, plan));
+          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();  // with the block of that many members
+          set_members(next, wanted_members(next, plan));
+        }
+      }
+      next.pilot_work = pilot.work() + extra;
+      next.pilot_seconds = seconds_so_far();
+      return next;
+    };
+    advice = choose(false);
+    const double run_work =
+        std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    const double limit = options.budget.value_or(std::max(run_work, 0.0));
+    double wanted = 0;
+    if (advice.survey.law_exists != Answer::yes) {
+      wanted = open_growth * budget;
+    } else {
+      // A long run deserves a pilot that has seen more, for the sake of its law.
+      wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
+      if (advice.survey.grade != Grade::shown) {
+        wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
       }
     }
-    advice = std::move(next);
-    const bool open = advice.survey.law_exists != Answer::yes;
-    advice.pilot_work = work;
-    const double open_limit =
-        unit * std::max(open_pilot_draws, 4 * (plan.goal.asked() ? 0 : static_cast<double>(plan.samples)));
-    if (stage == most_stages || (open && budget >= open_limit)) break;
-    // A long run deserves a pilot that has seen more, and so does a doubt or a no, whose price is not known yet.
-    const double run_work = advice.predicted.work * static_cast<double>(advice.members);
-    double wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
-    if (open) {
-      wanted = std::clamp(8 * budget, wanted, std::max(wanted, open_limit));
-      pilot.samples *= 4;  // in fewer levels: rare events ask for draws, not for depth
+    wanted = std::min(wanted, limit);
+    const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
+    if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
+      if (advice.survey.law_exists == Answer::open) advice = choose(true);
+      break;
     }
-    if (!(wanted > 1.5 * budget)) break;
+    if (advice.survey.law_exists != Answer::yes) deepest *= 4;
     budget = wanted;
   }
-  advice.pilot_seconds = seconds_so_far();  // what was drawn for the choice, too
+  advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too
+  advice.pilot_seconds = seconds_so_far();
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
@@ -480,11 +582,8 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  if (advice.survey.law_exists == Answer::cannot_tell) {
-    statistics.warnings.emplace_back(
-        "the pilot cannot tell yet whether any law has finite variance and finite work; its law has finite "
-        "work.");
-  }
+  statistics.pilot_levels = advice.survey.evidence.facts;
+  statistics.sequence = advice.facts;
   for (const std::string& remark : advice.survey.remarks) {
     if (remark.find("every estimate from it is biased") != remark.npos) statistics.warnings.push_back(remark + ".");
   }

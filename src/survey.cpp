@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <exception>
+#include <functional>
 #include <ostream>
 #include <stdexcept>
 #include <string>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double draws_per_kurtosis = 10;
 constexpr std::int64_t most_levels = 24;
+constexpr std::int64_t fewest_for_tail = 64;
 constexpr double fewest_share = 1.0 / 512;  // of the most draws of a level
 
 double signed_norm(const detail::Part& part) {
@@ -25,21 +27,15 @@ double signed_norm(const detail::Part& part) {
 
 }  // namespace
 
-const char* name_of(Answer answer) {
-  switch (answer) {
-    case Answer::yes:
-      return "yes";
-    case Answer::no:
-      return "no";
-    case Answer::cannot_tell:
-      break;
-  }
-  return "cannot tell";
-}
-
 const char* name_of(RateKind kind) {
   constexpr std::array names = {"geometric", "polynomial", "exact zero", "super-exponential"};
   return names[static_cast<std::size_t>(kind)];
+}
+
+const SurveyRow* Survey::row_at(std::int64_t level) const {
+  const auto found = std::lower_bound(rows.begin(), rows.end(), level,
+                                      [](const SurveyRow& row, std::int64_t k) { return row.level < k; });
+  return found != rows.end() && found->level == level ? &*found : nullptr;
 }
 
 SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& plan) {
@@ -48,6 +44,30 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   draws.earlier = {};
   draws.pilot = {};
   const Statistics s = runs.draw(level, draws);
+  return row_of(s, level, runs.work(level, plan));
+}
+
+namespace {
+
+// The largest |x| of both tails, in descending order, as many as speak for the tail.
+std::vector<double> largest_of(const Statistics& s) {
+  std::vector<double> all;
+  for (const double x : s.upper_tail) {
+    if (x > 0) all.push_back(x);
+  }
+  for (const double x : s.lower_tail) {
+    if (x < 0) all.push_back(-x);
+  }
+  std::sort(all.begin(), all.end(), std::greater<>());
+  // Where a tail was cut, what lies below its end may be missing.
+  const auto size = static_cast<std::size_t>(tail_size(s.samples)) + 1;
+  if (all.size() > size) all.resize(size);
+  return all;
+}
+
+}  // namespace
+
+SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double, double>& work) {
   const detail::Part value = detail::part_of(s, 0);
   const detail::Part difference = detail::part_of(s, 2);
   const auto n = static_cast<double>(s.samples);
@@ -67,17 +87,31 @@ SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& pl
   }
   row.second_moment_error = row.second_moment * std::sqrt(std::max(row.kurtosis - 1, 0.0) / n);
   row.nonzero = s.components.back().mean;
+  if (s.nonfinite > 0) row.nonzero = 1;
+  if (level > 0 && s.nonfinite == 0 && s.samples >= fewest_for_tail) {
+    const std::vector<double> largest = largest_of(s);
+    if (!largest.empty()) {
+      const TailIndex tail = tail_index(largest, s.samples, 0);
+      if (tail.state == TailState::fitted) {
+        row.tail_index = tail.k;
+        row.tail_error = tail.error;
+      }
+    }
+  }
   row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
   row.fewer_threads = s.fewer_threads;
-  std::tie(row.value_work, row.difference_work) = runs.work(level, plan);
+  std::tie(row.value_work, row.difference_work) = work;
   const auto each = static_cast<std::ptrdiff_t>(value.means.size());
   row.values.assign(s.components.begin(), s.components.begin() + each);
   row.coarse.assign(s.components.begin() + each, s.components.begin() + 2 * each);
   return row;
 }
 
-Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
+Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std::int64_t first) {
+  if (first < 0) {
+    throw std::invalid_argument("survey: first = " + std::to_string(first) + " (levels start at 0)");
+  }
   if (levels < 2) {
     throw std::invalid_argument("survey: levels = " + std::to_string(levels) +
                                 " (a decay needs at least two, a rate four); 8 is a good start");
@@ -99,7 +133,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
       if (plan.progress) {
         part.progress = [&plan, k](std::int64_t done) { return plan.progress(k * plan.samples + done); };
       }
-      rows.push_back(survey_level(runs, k, part));
+      rows.push_back(survey_level(runs, first + k, part));
     }
   } catch (const Interrupted&) {
     if (rows.empty()) throw;
@@ -107,7 +141,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan) {
   }
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
-  Survey result = conclude(std::move(rows), plan.seed);
+  Survey result = conclude(std::move(rows), plan.seed, runs.facts);
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_text(fewer_threads));
   if (interrupted) {
     result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
@@ -163,7 +197,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
       break;
     }
   }
-  return conclude(std::move(rows), plan.seed);
+  return conclude(std::move(rows), plan.seed, runs.facts);
 }
 
 namespace {
@@ -197,7 +231,9 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey) {
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
   out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean) << ", variance "
       << rate_text(m.variance) << ", fourth moment " << rate_text(m.fourth) << ", work " << rate_text(m.work) << '\n';
-  out << "a law with finite variance and finite work exists: " << name_of(survey.law_exists) << '\n';
+  out << "a law with finite variance and finite work exists: " << name_of(survey.law_exists);
+  if (survey.law_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
+  out << '\n';
   for (const std::string& remark : survey.remarks) out << "remark: " << remark << '\n';
   return out;
 }

@@ -56,7 +56,8 @@ TEST_CASE("multilevel puts its draws where sqrt of variance over work asks for t
     if (row.level < 4) CHECK(static_cast<double>(row.draws) == Approx(wanted).epsilon(0.1));
     total += static_cast<double>(row.draws) * row.work;
   }
-  CHECK(r.work == Approx(total));
+  CHECK(r.work - r.pilot_work == Approx(total));  // the pilots have draws of their own
+  CHECK(r.pilot_work < 2 * total);
   CHECK(r.alpha == Approx(1).margin(0.3));
   CHECK(r.bias > 0);
   CHECK(r.error() < 0.0105);

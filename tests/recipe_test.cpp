@@ -149,8 +149,12 @@ TEST_CASE("a run by recipe is the run of the estimator that its advice names", "
 }
 
 TEST_CASE("where no law has finite variance and finite work a recipe says so and what to expect", "[recipe][exact]") {
-  CHECK_THROWS_WITH(estimate(recipe(Pure{1}), {.samples = 1 << 17}),
+  CHECK_THROWS_WITH(estimate(recipe(Pure{0.3}), {.samples = 1 << 17}),
                     Catch::Contains("finite variance and finite work") && Catch::Contains("multilevel"));
+  // beta = gamma is beyond what levels tell: it runs, and says so.
+  const auto open = estimate(recipe(Pure{1}), {.samples = 1 << 14});
+  CHECK(open.advice.survey.law_exists == Answer::open);
+  CHECK_FALSE(open.verdict().interval_reliable());
   const Advice half = advise(level_runs(Pure{0.5}), {.samples = 1 << 17});
   CHECK_FALSE(half.usable());
   REQUIRE(half.sentences.size() == 3);

@@ -133,6 +133,14 @@ class Doubling {
   static constexpr bool difference_shows_all = has_gap;  // a gap of NaN is NaN
 
   Rates rates;
+  /// g(E X), unless the mean is one given something random.
+  static constexpr Limit limit = [] {
+    if constexpr (requires { P::limit; }) {
+      return P::limit;
+    } else {
+      return Limit::constant;
+    }
+  }();
 
   Doubling(P points, G g, const Rates& declared) : rates(declared), points_(std::move(points)), g_(std::move(g)) {}
 

@@ -4,12 +4,15 @@
 // target error asks for, and one more level as long as the remaining bias is too large.
 //
 //   estimate = sum_l mean(D_l),  N_l = sqrt(V_l / C_l) sum_k sqrt(V_k C_k) / ((1 - s) error^2)
-//   bias     = max over the last three levels of |mean D_(L-k)| 2^(-alpha k) / (2^alpha - 1) <= sqrt(s) error
+//   bias     = min_k (|m_(L-k)| + 2 se) 2^(-alpha k) / (2^alpha - 1) <= sqrt(s) error, m_l = mean(D_l), k = 0, 1, 2
+//              but no less than the same with - 2 se for any k
 //
 //   Notation: V = variance, C = work of a draw of D_l; s = bias_share; alpha, beta = decay of |E D_l| and V_l.
-// alpha and beta come from a regression over the levels, at least 1/2; V_l and |mean D_l| never fall below half of
-// what they predict from the level above. The error is a promise on the root mean square, if the extrapolated bias
-// is right: it knows nothing of levels that it has not seen. The estimator of choice where beta <= gamma.
+// A pilot of each level, of samples of its own, runs until 32 effective hits or until it costs as much as the run; the
+// N_l are fixed from its variances (1 + 2 / sqrt(hits)) and drawn afresh. alpha comes from the last four levels and lies
+// in [1/2, 1], or below half of a declared beta. Met only if root mean square of bias and error are within the goal,
+// with at least four levels, all of which have shown their variance. It knows nothing of levels that it has not seen. The
+// estimator of choice where beta <= gamma.
 // Source: Giles, Acta Numerica 24 (2015), with the constants of its reference driver.
 
 #include <cstdint>
@@ -26,7 +29,7 @@ namespace debias {
 
 struct MultilevelOptions {
   double bias_share = 0.25;         ///< of the squared error
-  std::int64_t first_draws = 1000;  ///< of a new level
+  std::int64_t first_draws = 1000;  ///< of the pilot of a new level
   std::int64_t most_levels = 24;    ///< fewer where the sequence cannot draw so many
 };
 
@@ -43,12 +46,12 @@ struct MultilevelStatistics {
   std::vector<ComponentEstimate> components;  ///< mean and standard error; no variance of one sample
   double goal = 0;                            ///< the error that was asked for
   double bias = 0;                            ///< estimated size of what is left out
-  bool converged = false;                     ///< false: most_levels are not enough
+  bool converged = false;                     ///< false: the goal is missed, or a level has not shown its variance
   double alpha = 0;
   double beta = 0;
-  double work = 0;
+  double work = 0;  ///< of pilots and run
   double seconds = 0;
-  double pilot_work = 0;  ///< of `work`, the first draws, which the others are planned from and which count in the mean
+  double pilot_work = 0;  ///< of `work`, the pilots, which the draws of the run are planned from; no part of the mean
   double pilot_seconds = 0;  ///< of `seconds`
   std::uint64_t seed = 0;
   std::vector<std::string> warnings;

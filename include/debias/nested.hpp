@@ -34,6 +34,7 @@ struct ConditionalPoints {
   Inner inner;
   static constexpr double scale = 1;
   static constexpr double extra_work = 1;
+  static constexpr Limit limit = Limit::random;  // f(E[X | Y])
 
   auto points(std::int64_t /*level*/, std::int64_t group_level, Stream& rng) const {
     return GroupSums{doubled_draws(group_level),

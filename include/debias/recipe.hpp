@@ -4,14 +4,15 @@
 //
 //   auto result = estimate(recipe(sequence), {.samples = 1'000'000});
 //
-//   pilot (survey) -> moments of the levels -> base level, base form, law, strata -> run
+//   pilot -> posterior of the moments of the levels -> base level, base form, law, strata -> run
 //   variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m   [bound]
 //
 //   Notation: m = base level, p = law, members = samples of the single-term estimator; a block of them is one sample.
-// The pilot draws from streams of its own, so the run knows nothing of it. Levels that the pilot has hardly seen get
-// the mass that the fitted decay asks for, never less: a law that follows a few zeros gives a confident wrong answer.
-// Throws where no law has finite variance and finite work, or none can be seen; a law that is likely but not certain is
-// a warning of the result. Fails where the levels that the pilot reached are not yet typical of the deeper ones.
+// The pilot draws from streams of its own, so the run knows nothing of it. It draws levels with equal work each, 2^14
+// draws of the base in all at first, then four times as much, and stops at a yes: shown, or likely after a tenth of the
+// run's work. While the answer is open it goes on to the run's own work and no further, and the run goes on: the pilot's
+// levels and its own then widen its interval. Levels that were hardly seen get the mass that the posterior asks for,
+// never less. Throws only where a no is shown or likely (statistics/evidence.hpp says what no rule decides).
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the law; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cmath>
@@ -38,11 +39,14 @@ struct RecipeOptions {
   std::int64_t lowest_base = 0;              ///< below it a level has no finite moments
   std::optional<std::int64_t> base_level{};  ///< this very one
   std::optional<Base> base{};                ///< this very form
+  std::optional<Rates> rates{};              ///< declared, in place of those of the sequence: a prior of the pilot
+  std::optional<double> budget{};            ///< of the pilot, in work: more, where the answer is open or the run long
 };
 
 /// What the pilot found and chose, in numbers and in words.
 struct Advice {
   Survey survey;
+  SequenceFacts facts;  ///< what the sequence, or the caller, states
   double pilot_work = 0;
   double pilot_seconds = 0;
   std::int64_t base_level = 0;
@@ -62,8 +66,7 @@ struct Advice {
   std::int64_t deepest_level = deepest_of_all;  ///< that the sequence can draw
   std::vector<std::string> sentences;
 
-  /// A law with finite variance and finite work: false where there is none, and where nobody can tell yet and the
-  /// rates as measured leave room for none, or are not known.
+  /// False where a no is shown or likely; an open answer runs, with an honest interval.
   [[nodiscard]] bool usable() const;
 };
 
@@ -116,8 +119,8 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 
 /// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
 /// The pilot counts in the work and the seconds of the result.
-/// Throws std::invalid_argument, with the reasons, where no law has finite variance and finite work, UndrawableError where
-/// none of them can be drawn so often, and what the sequence throws (SampleError).
+/// Throws std::invalid_argument, with the reasons, where no law is shown or likely to have finite variance and finite
+/// work, UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
   Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);

@@ -5,11 +5,12 @@
 //   per level   mean and variance of I_k and D_k, E D_k^2, kurtosis E D_k^4 / (E D_k^2)^2, work, seconds
 //   z           E[I_k - D_k] = E[I_(k-1)], from independent draws, in standard errors: 0 +- 1 for a right coupling
 //   rates       weighted regression of log2 E D_k^2, |E D_k|, E D_k^4, work on k (or on log2(k + 1))
-//   answer      a law with finite variance and work exists when beta > gamma: yes, no, or cannot tell yet
+//   answer      a law with finite variance and work exists: yes or no, shown or likely, or open (statistics/evidence.hpp)
 //
 //   Notation: alpha, beta, beta4, gamma = MeasuredRates::mean, variance, fourth, work.
-// A level votes when it has ten times its kurtosis in draws; shallow levels leave the fit until chi-square passes.
-// Fails, as any extrapolation does, when the levels that were drawn are not yet asymptotic: it then says so.
+// The rates are a report: a level takes part with ten times its kurtosis in draws, and shallow levels leave the fit until
+// chi-square passes. The answer is by the evidence alone, with the declared rates as a prior. Fails, as any extrapolation
+// does, when the levels that were drawn are not yet asymptotic: it then says so.
 // Sources: Giles, Acta Numerica 24 (2015), section 3 (table and consistency check); the rest derived here.
 
 #include <cstdint>
@@ -21,13 +22,11 @@
 #include <debias/core/rates.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
+#include <debias/statistics/evidence.hpp>
 #include <debias/survey/levels.hpp>
 
 namespace debias {
 
-enum class Answer { yes, no, cannot_tell };
-/// "yes", "no", "cannot tell".
-const char* name_of(Answer answer);
 /// "geometric", "polynomial", "exact zero", "super-exponential".
 const char* name_of(RateKind kind);
 
@@ -46,6 +45,8 @@ struct SurveyRow {
   double kurtosis = 0;                      ///< E D_k^4 / (E D_k^2)^2; 0 where no difference was seen
   double nonzero = 0;                       ///< share of the draws with a difference that is not zero
   double consistency = 0;                   ///< z of E[I_k - D_k] = E[I_(k-1)]; 0 at the first level
+  double tail_index = LevelFacts::unknown;  ///< Pareto k of the largest |D_k|
+  double tail_error = LevelFacts::unknown;
   double difference_work = 0;               ///< of a draw of D_k
   double value_work = 0;                    ///< of a draw of I_k alone
   double seconds = 0;                       ///< of a draw of both, on one thread or all
@@ -59,11 +60,16 @@ struct SurveyRow {
 struct Survey {
   std::vector<SurveyRow> rows;
   MeasuredRates rates;
-  Answer law_exists = Answer::cannot_tell;
+  Answer law_exists = Answer::open;
+  Grade grade = Grade::open;         ///< of the answer
+  Evidence evidence;                 ///< that it is drawn from
   std::vector<std::string> remarks;  ///< in words: pre-asymptotic levels, exact zeros, a coupling that is wrong
   std::uint64_t seed = 0;
   double work = 0;     ///< of all draws
   double seconds = 0;  ///< of all draws
+
+  /// Null where the level was not drawn.
+  [[nodiscard]] const SurveyRow* row_at(std::int64_t level) const;
 };
 
 /// The table, the rates and the remarks, as text.
@@ -71,22 +77,29 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey);
 
 /// One row; its consistency is left at 0.
 SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& plan);
+/// The same from draws of LevelRuns::draw, with the mean work of I_k alone and of D_k alone.
+SurveyRow row_of(const Statistics& draws, std::int64_t level, const std::pair<double, double>& work);
 
-/// The rates, the answer and the remarks that rows of neighbouring levels give, with their consistency.
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed);
+/// The rates, the answer and the remarks that rows in order of their levels give, with their consistency.
+/// `budget_spent`: nothing more will be drawn, so that a no may be said.
+Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence = {},
+                bool budget_spent = true);
 
-/// Levels 0 ... levels - 1, plan.samples draws of each.
+/// Levels first ... first + levels - 1, plan.samples draws of each.
 /// Throws std::invalid_argument for fewer than two levels or draws, and what the sequence throws (SampleError).
 /// Interrupted by plan.progress, it returns the levels that are complete, if there are any, and says so.
-Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan = {.samples = 4096});
+Survey survey(const LevelRuns& runs, std::int64_t levels = 8, const Plan& plan = {.samples = 4096},
+              std::int64_t first = 0);
 
 template <BiasedSequence S>
-Survey survey(const S& sequence, std::int64_t levels, const Plan& plan = {.samples = 4096}) {
-  return debias::survey(debias::level_runs(sequence), levels, plan);
+Survey survey(const S& sequence, std::int64_t levels = 8, const Plan& plan = {.samples = 4096},
+              std::int64_t first = 0) {
+  return debias::survey(debias::level_runs(sequence), levels, plan, first);
 }
 
 template <class S>
-requires(!BiasedSequence<S>) auto survey(const S& /*sequence*/, std::int64_t /*levels*/, const Plan& /*plan*/ = {}) {
+requires(!BiasedSequence<S>) auto survey(const S& /*sequence*/, std::int64_t /*levels*/ = 8, const Plan& /*plan*/ = {},
+                                         std::int64_t /*first*/ = 0) {
   return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 

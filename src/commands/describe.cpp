@@ -61,6 +61,7 @@ Fields describe(const LevelRow& row) {
 
 Fields describe(const RunVerdict& v) {
   return {{"variance", name_of(v.variance)},
+          {"grade", name_of(v.grade)},
           {"fourth_moment", name_of(v.fourth_moment)},
           {"work", name_of(v.work)},
           {"interval_reliable", v.interval_reliable()},
@@ -75,10 +76,14 @@ Fields describe(const RunVerdict& v) {
                             {"beta", v.levels.beta},
                             {"beta_error", v.levels.beta_error},
                             {"rho", v.levels.rho},
+                            {"diverges", v.levels.diverges},
+                            {"growth", v.levels.growth},
                             {"polynomial", v.levels.polynomial}}},
           {"upper_tail", describe(v.upper)},
           {"lower_tail", describe(v.lower)},
           {"kurtosis", v.kurtosis},
+          {"unseen_share", v.unseen_share},
+          {"degrees", v.degrees},
           {"largest_share", v.largest_share},
           {"deepest_level", v.deepest_level},
           {"samples_needed", v.samples_needed},
@@ -115,6 +120,7 @@ Fields describe(const Advice& a) {
           {"pilot_work", a.pilot_work},
           {"price", a.price},
           {"law_exists", name_of(a.survey.law_exists)},
+          {"grade", name_of(a.survey.grade)},
           {"rates", describe(a.survey.rates)},
           {"sentences", a.sentences},
           {"remarks", a.survey.remarks}};

@@ -5,6 +5,8 @@
 #include <limits>
 #include <ostream>
 
+#include <debias/statistics/dependent.hpp>
+
 #include "core/text.hpp"
 #include "describe.hpp"
 #include "text.hpp"
@@ -32,6 +34,20 @@ void judge_blocks(Diagnosis& d) {
   d.warnings.push_back("the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " +
                        rounded(limit) +
                        "): values depend on their neighbours, so the standard error is too small; take the blocks.");
+}
+
+// An interval that allows for it, and a word where the values alternate.
+void judge_dependence(Diagnosis& d) {
+  const Dependence dependence = dependence_of(d.block_means, d.block_length, d.moments);
+  if (!dependence.matters()) return;
+  if (dependence.time < 1) {
+    d.warnings.push_back("values alternate about their mean: its standard error is about " +
+                         rounded(1 / std::sqrt(dependence.time), 2) + " times too large; take the blocks.");
+    return;
+  }
+  d.interval = interval_with(d.moments.mean, dependence.standard_error, dependence.degrees);
+  // The verdict then says that the interval is not reliable.
+  d.verdict.degrees = dependence.known() ? dependence.degrees : std::min(dependence.degrees, 4.0);
 }
 
 // ", of big-endian float32", ", columns by ';'": what was taken for what.
@@ -242,7 +258,10 @@ void conclude(Diagnosis& d) {
   d.interval = interval_of(d.moments);
   if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);
   d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
-  if (d.moments.m2 > 0) judge_blocks(d);
+  if (d.moments.m2 > 0) {
+    judge_blocks(d);
+    judge_dependence(d);
+  }
   const auto values = std::span<const double>(d.block_means);
   if (values.size() >= 24) {
     d.robust = median_of_means(values);

@@ -34,6 +34,7 @@ Fields fields(const SurveyReport& s) {
              {"seed", survey.seed},
              {"rates", describe(survey.rates)},
              {"law_exists", name_of(survey.law_exists)},
+             {"grade", name_of(survey.grade)},
              {"remarks", survey.remarks},
              {"work", survey.work},
              {"seconds", survey.seconds},

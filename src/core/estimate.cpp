@@ -385,13 +385,20 @@ void check_goal(const Goal& goal) {
 
 namespace {
 
+// Samples that carry the variance.
+double hits_of(const Statistics& s) {
+  const double excess = s.moments.kurtosis() - 1;
+  return excess > 0 ? static_cast<double>(s.samples) / excess : static_cast<double>(s.samples);
+}
+
 // The samples that a pilot asks for.
 double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, double bias) {
   if (goal.seconds > 0) {
     return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
   }
   const auto n = static_cast<double>(pilot.samples);
-  const double doubt = std::sqrt(std::max(pilot.moments.kurtosis() - 1, 0.0) / n);  // of the variance
+  // Of the variance: with the aim below the wish, two errors.
+  const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
   double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
@@ -402,6 +409,25 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, d
 }
 
 }  // namespace
+
+Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability) {
+  constexpr std::int64_t most = 1024;
+  constexpr double least = 1e-280;
+  std::int64_t base = 0;
+  for (const LevelRow& row : rows) {
+    if (row.is_base) base = row.level;
+  }
+  Masses m;
+  m.first_level = probability(base) > 0 && probability(base + 1) > 0 ? base : base + 1;
+  const std::int64_t end = base + most;
+  while (m.first_level < end && !(probability(m.first_level) > 0)) ++m.first_level;
+  for (std::int64_t k = m.first_level; k < end; ++k) {
+    const double p = probability(k);
+    if (!(p > least)) break;
+    m.mass.push_back(p);
+  }
+  return m;
+}
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
@@ -422,6 +448,8 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
+  constexpr double enough_hits = 32;   // of a pilot: it knows the variance to a third
+  constexpr double most_samples = 0x1p46;
   check_goal(plan.goal);
   Plan pilot = plan;
   // Where `samples` says that the run is short, so is the pilot.
@@ -446,11 +474,30 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.samples);
     }
+    if (plan.goal.seconds == 0) {
+      // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
+      const auto have = static_cast<double>(s.samples);
+      const bool equal = !(s.moments.m2 > 0);
+      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.size() > 3 * s.total_error());
+      const bool rare = hits_of(s) < enough_hits && have < wanted;
+      const std::int64_t most =
+          equal ? std::int64_t{1} << 16 : std::clamp(16 * plan.samples, std::int64_t{1} << 16, most_pilot_samples);
+      if ((equal || unknown_mean || rare) && s.samples < most) {
+        pilot.samples = std::min(most, 4 * s.samples);
+        continue;
+      }
+      if (unknown_mean) return planned(s.samples);  // the result says that its mean is not told from 0
+    }
     // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
     if (next < 4 * static_cast<double>(pilot.samples)) {
       if (!(wanted < 0x1p62)) {
         throw std::invalid_argument("Goal: it takes " + format("%f", wanted) + " samples (does not fit 64 bits)");
+      }
+      if (wanted > most_samples) {
+        throw std::invalid_argument("Goal: it takes " + format("%.3g", wanted) + " samples (about " +
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.samples)) +
+                                    " seconds); ask for a larger error");
       }
       return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }
@@ -481,6 +528,9 @@ Statistics merge(const Statistics& a, const Statistics& b) {
       }
     }
   }
+  statistics.masses = a.masses.empty() ? b.masses : a.masses;
+  statistics.pilot_levels = a.pilot_levels.empty() ? b.pilot_levels : a.pilot_levels;
+  statistics.sequence = a.pilot_levels.empty() ? b.sequence : a.sequence;
   add_warnings(statistics);
   return statistics;
 }

@@ -1,8 +1,10 @@
 #include <debias/core/result.hpp>
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -125,10 +127,11 @@ Accumulator RunState::total() const {
 namespace {
 
 // How many standard errors an interval reaches out: a quantile of Student's law, since the error comes from
-// as many values (or blocks of `stratified`) as the mean.
-double error_quantile(double tail, std::int64_t values) {
+// as many values (or blocks of `stratified`) as the mean, and is known no better than its largest parts.
+double error_quantile(double tail, std::int64_t values, double degrees) {
   if (values < 2) return -normal_quantile(tail);
-  return -boost::math::quantile(boost::math::students_t(static_cast<double>(values - 1)), tail);
+  const double fewest = std::min(static_cast<double>(values - 1), degrees);
+  return -boost::math::quantile(boost::math::students_t(fewest), tail);
 }
 
 }  // namespace
@@ -139,7 +142,19 @@ Interval Statistics::interval(double confidence, std::size_t component) const {
                                 " (must lie in (0, 1)); 0.95 is usual");
   }
   const ComponentEstimate& c = components.at(component);
-  const double half_width = error_quantile((1 - confidence) / 2, moments.count) * c.standard_error;
+  double error = c.standard_error;
+  double degrees = std::numeric_limits<double>::infinity();
+  if (!masses.empty() && nonfinite == 0 && moments.count > 1) {
+    const RunVerdict v = verdict();
+    degrees = v.degrees;
+    if (v.unseen_variance > 0) {
+      double all = 0;
+      for (const ComponentEstimate& other : components) all += other.variance;
+      const double share = all > 0 ? c.variance / all : 1 / static_cast<double>(components.size());
+      error = std::sqrt(error * error + share * v.unseen_variance);
+    }
+  }
+  const double half_width = error_quantile((1 - confidence) / 2, moments.count, degrees) * error;
   return {c.mean - half_width, c.mean + half_width, confidence};
 }
 
@@ -161,7 +176,7 @@ bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
   if (goal.error > 0) return goal_error() <= goal.error;
-  if (goal.relative_error > 0) return goal_error() <= goal.relative_error * size();
+  if (goal.relative_error > 0) return size() > 0 && goal_error() <= goal.relative_error * size();
   return seconds <= goal.seconds;
 }
 
@@ -242,7 +257,11 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s.goal_error(), parts));
     if (g.relative_error > 0) {
       const double size = s.size();
-      const std::string of_zero = size == 0 ? " of a mean of 0" : "";
+      const bool told = size > 3 * s.goal_error();
+      const std::string of_zero = size == 0 ? " of a mean of 0"
+                                  : told
+                                      ? ""
+                                      : "; the mean is not told from 0, its error is " + format("%.3g", s.goal_error());
       const double reached = size == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / size;
       line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
     }

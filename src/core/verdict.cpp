@@ -15,263 +15,158 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double half = 0.5;
-constexpr double confidence = 2;  // standard errors
-// Before a level votes. Draws four times the kurtosis fix its second moment to a factor of two.
-constexpr double draws_per_kurtosis = 4;
-constexpr double fewest_draws = 4;
-constexpr std::size_t fewest_levels = 2;
-constexpr std::int64_t fewest_levels_for_finite = 4;
-constexpr double surplus_limit = 3;
-// Draws that must be zero before an end of the differences is believed: so many, and ten times the kurtosis
-// of the levels before, of which only a part of 1 / kurtosis may have been different from zero.
-constexpr double fewest_zeros = 30;
-constexpr double zeros_per_kurtosis = 10;
-// How far log2 of a moment may be from a straight line although it is known exactly: a factor that is a power
-// of the level, a start that is not asymptotic yet, and anything else.
-constexpr double power_factor = 0.3;
-constexpr double start = 1;
-constexpr double scatter = 0.03;
-constexpr int passes = 4;  // of the fit: curvature that the data insist on widens what is expected of it
+constexpr double surplus_limit = 3;  // standard errors
+constexpr double sure = 0.02;        // of the fourth moment
 constexpr double index_error = 0.01;
+constexpr double fewest_degrees = 8;  // of an interval
+constexpr double draws_per_kurtosis = 16;
 // A base whose own second moment is known this badly may be heavier than all the levels.
 constexpr double draws_per_kurtosis_of_base = 10;
 // The largest of n numbers with tail index xi has a share of about n^(2 xi - 1) of the sum of squares. A side
 // whose largest has less than that of xi = 0.2 does not decide about the variance, whatever the shape of its
 // values.
 constexpr double irrelevant_share = -0.6;
+// Of tails.
+constexpr double tail_z = 1.5;
+constexpr double deep_index = 0.4;   // of the quarter of the tail, for `infinite`
+constexpr double fewest_hits = 100;  // values beside the commonest one, for `finite`
+constexpr std::int64_t fewest_for_shown = 1000;
 
-Finiteness below(double value, double error, double border) {
-  if (value + confidence * error < border) return Finiteness::finite;
-  if (value - confidence * error >= border) return Finiteness::infinite;
-  return Finiteness::undecided;
-}
-
-// A level that votes: logarithms to base 2, with the standard error that its kurtosis implies.
-struct Vote {
-  double level;
-  double position;  // in the law: 0 for its first outcome
-  double probability;
-  double second;
-  double second_error;
-  double fourth;
-  double fourth_error;
-  double work;
-};
-
-struct Votes {
-  std::vector<Vote> votes;
-  bool ends = false;    // all deeper differences were zero
-  double kurtosis = 1;  // of the worst level
-};
-
-Votes votes_of(const std::vector<LevelRow>& rows) {
+std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
+  std::vector<LevelFacts> facts;
+  for (const LevelRow& row : rows) {
+    if (row.level != row.last_level) continue;
+    LevelFacts f;
+    f.level = row.level;
+    f.draws = row.count;
+    f.mean = row.mean;
+    f.second_moment = row.second_moment;
+    f.fourth_moment = row.fourth_moment;
+    f.work = row.work;
+    f.is_base = row.is_base;
+    if (row.is_base) f.value_variance = std::max(0.0, row.second_moment - row.mean * row.mean);
+    facts.push_back(f);
+  }
+  // What is left of a difference beside the size of the others is rounding.
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
   double size = 0;
-  for (const LevelRow& row : rows) size = std::max(size, row.second_moment);
-  const double rounding = 64 * epsilon * epsilon * size;
-  Votes result;
-  double kurtosis = 1;  // of a level is not below that of the ones above it, which have more draws
-  double zeros = 0;
-  double first = -1;
-  bool open = true;
+  for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
+  for (LevelFacts& f : facts) {
+    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.fourth_moment = 0;
+    f.value_square = size;
+  }
+  return facts;
+}
+
+// The masses of the rows, where nobody has told the others.
+Masses masses_of(const std::vector<LevelRow>& rows) {
+  Masses m;
   for (const LevelRow& row : rows) {
-    if (row.is_base || row.probability <= 0) continue;
-    const auto level = static_cast<double>(row.level);
-    const auto draws = static_cast<double>(row.count);
-    if (first < 0) first = level;
-    if (!(row.second_moment > rounding)) {
-      zeros += draws;
-      continue;
-    }
-    zeros = 0;
-    open = open && std::isfinite(row.fourth_moment) && row.fourth_moment > 0;  // neither over- nor underflow
-    if (!open) continue;
-    kurtosis = std::max(kurtosis, row.fourth_moment / (row.second_moment * row.second_moment));
-    open = open && draws >= std::max(fewest_draws, draws_per_kurtosis * kurtosis);
-    if (!open) continue;
-    const double error = std::sqrt((kurtosis - 1) / draws) / std::log(2.0);
-    result.votes.push_back({level, level - first, std::log2(row.probability), std::log2(row.second_moment),
-                            std::hypot(error, scatter), std::log2(row.fourth_moment),
-                            std::hypot(3 * error, 2 * scatter), std::log2(std::max(row.work, 1e-300))});
+    if (row.is_base || !(row.probability > 0)) continue;
+    if (m.mass.empty()) m.first_level = row.level;
+    if (row.level != m.first_level + std::ssize(m.mass)) break;
+    m.mass.push_back(row.probability);
   }
-  result.ends = open && zeros >= std::max(fewest_zeros, zeros_per_kurtosis * kurtosis);
-  result.kurtosis = kurtosis;
-  return result;
+  return m;
 }
 
-struct Slope {
-  double value = 0;
-  double error = 0;
-  double chi_square = 0;
-  double factor = 0;  // c
-  double start = 0;   // d
-  double last = 0;    // y of the fit at the last point
-};
-
-// y = a + b x + c u + d v with prior knowledge of c = 0 +- power_factor and d = 0 +- start: the slope b, with
-// what the two curved terms leave unknown of it in its error.
-class CurvedFit {
- public:
-  void add(double x, double u, double v, double y, double error) {
-    const std::array<double, 4> row = {1, x, u, v};
-    const double w = 1 / (error * error);
-    for (std::size_t i = 0; i < 4; ++i) {
-      right_[i] += w * row[i] * y;
-      for (std::size_t j = 0; j < 4; ++j) normal_[i][j] += w * row[i] * row[j];
-    }
-    yy_ += w * y * y;
-  }
-  void add_prior(double c, double d) {
-    normal_[2][2] += 1 / (c * c);
-    normal_[3][3] += 1 / (d * d);
-  }
-  // Two columns solve for the coefficients and for the variance of b; the matrix is positive definite.
-  [[nodiscard]] Slope solve() const {
-    auto m = normal_;
-    auto right = right_;
-    std::array<double, 4> unit = {0, 1, 0, 0};
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t k = i + 1; k < 4; ++k) {
-        const double f = m[k][i] / m[i][i];
-        for (std::size_t j = i; j < 4; ++j) m[k][j] -= f * m[i][j];
-        right[k] -= f * right[i];
-        unit[k] -= f * unit[i];
-      }
-    }
-    for (std::size_t i = 4; i-- > 0;) {
-      for (std::size_t j = i + 1; j < 4; ++j) {
-        right[i] -= m[i][j] * right[j];
-        unit[i] -= m[i][j] * unit[j];
-      }
-      right[i] /= m[i][i];
-      unit[i] /= m[i][i];
-    }
-    double explained = 0;
-    for (std::size_t i = 0; i < 4; ++i) explained += right[i] * right_[i];
-    return {right[1], std::sqrt(unit[1]), std::max(0.0, yy_ - explained), right[2], right[3], right[0]};
-  }
-
- private:
-  std::array<std::array<double, 4>, 4> normal_{};
-  std::array<double, 4> right_{};
-  double yy_ = 0;
-};
-
-// The decay of a moment in the unit of the law.
-Slope decay(std::span<const Vote> votes, bool polynomial, double Vote::*moment, double Vote::*error) {
-  CurvedFit data;
-  const Vote& reference = votes.back();  // small numbers keep the normal equations well conditioned
-  for (std::size_t i = 0; i < votes.size(); ++i) {
-    const Vote& p = votes[i];
-    const double x = polynomial ? std::log2(p.level + 1) : p.level;
-    const double x0 = polynomial ? std::log2(reference.level + 1) : reference.level;
-    const double u = std::log2((x + 1) / (x0 + 1));
-    const double early = polynomial ? 1 / static_cast<double>(i + 1) : std::exp2(-static_cast<double>(i));
-    data.add(x - x0, u, early, p.*moment - reference.*moment, p.*error);
-  }
-  const double scale = moment == &Vote::fourth ? 2 : 1;
-  double factor = scale * power_factor;
-  double early_part = scale * start;
-  Slope slope;
-  const int repeats = votes.size() >= 6 ? passes : 1;
-  for (int pass = 0; pass < repeats; ++pass) {
-    CurvedFit fit = data;
-    fit.add_prior(factor, early_part);
-    slope = fit.solve();
-    factor = std::max(factor, std::abs(slope.factor));
-    early_part = std::max(early_part, std::abs(slope.start));
-  }
-  slope.last += reference.*moment;  // where u is 0 and the start has died out
-  const double degrees = static_cast<double>(votes.size()) - 2;
-  if (degrees > 0) {
-    const double misfit = slope.chi_square / degrees - 1;
-    const double doubt = degrees > 1 ? 1 : 3;  // one spare point says little about the size of a misfit
-    slope.error *= std::sqrt(1 + std::max(0.0, doubt * misfit));
-  }
-  return slope;
-}
-
-// Shallow levels leave while the others lie on a better line.
-std::span<const Vote> asymptotic(std::span<const Vote> votes, bool polynomial) {
-  while (votes.size() > 4) {
-    const double degrees = static_cast<double>(votes.size()) - 2;
-    const double misfit = decay(votes, polynomial, &Vote::second, &Vote::second_error).chi_square;
-    if (misfit <= degrees + confidence * std::sqrt(2 * degrees)) break;
-    votes = votes.subspan(1);
-  }
-  return votes;
-}
-
-// Masses and work are known exactly: the slope between the first and the last vote.
-double exact_slope(std::span<const Vote> votes, double x_first, double x_last, double Vote::*y) {
-  return (votes.back().*y - votes.front().*y) / (x_last - x_first);
-}
-
-// Are the levels with too few draws to vote larger than the line through those that voted? By how many
-// standard errors.
-double surplus(const std::vector<LevelRow>& rows, const Votes& all, const Slope& slope, bool polynomial) {
-  const auto x = [polynomial](double level) { return polynomial ? std::log2(level + 1) : level; };
-  const double last = all.votes.back().level;
+// Are the levels with too few draws to vote larger than the posterior allows? By how many standard errors.
+double surplus(const Evidence& e) {
+  if (e.courses.empty() || e.facts.empty() || e.facts.back().level <= e.last_vote) return 0;
+  const std::vector<Believed> expected = [&] {
+    Evidence votes = e;  // without what the others showed
+    votes.facts.clear();
+    std::erase_if(votes.voices, [](const LevelVoice& v) { return !v.votes(); });
+    return believed(votes, e.facts.back().level);
+  }();
+  double rarity = 1;
+  for (const LevelVoice& v : e.voices) rarity = v.votes() ? std::max(rarity, std::exp2(v.log2_rarity)) : rarity;
   double excess = 0;
   double draws = 0;
-  for (const LevelRow& row : rows) {
-    const auto level = static_cast<double>(row.level);
-    if (row.is_base || row.probability <= 0 || level <= last) continue;
-    const auto n = static_cast<double>(row.count);
-    const double steps = x(level) - x(last);
-    const double factor = slope.factor * std::log2((x(level) + 1) / (x(last) + 1));
-    const double expected = std::exp2(slope.last + (slope.value + slope.error) * steps + factor);
-    excess += n * (row.second_moment / expected - 1);
+  for (const LevelFacts& f : e.facts) {
+    if (f.is_base || f.level <= e.last_vote) continue;
+    const Believed& b = expected[static_cast<std::size_t>(f.level)];
+    const auto n = static_cast<double>(f.draws);
+    excess += n * (f.second_moment / std::exp2(b.log2_second + b.error) - 1);
     draws += n;
   }
-  return draws > 0 ? excess / std::sqrt(std::max(2.0, all.kurtosis - 1) * draws) : 0;
+  return draws > 0 ? excess / std::sqrt(std::max(2.0, rarity - 1) * draws) : 0;
 }
 
-LevelEvidence evidence_of(const std::vector<LevelRow>& rows) {
-  LevelEvidence e;
-  const Votes all = votes_of(rows);
-  const std::vector<Vote>& v = all.votes;
-  if (!v.empty()) {
-    e.first_level = static_cast<std::int64_t>(v.front().level);
-    e.last_level = static_cast<std::int64_t>(v.back().level);
-  }
-  if (all.ends) {
-    e.available = true;
-    e.tail_index = -infinity;
-    e.fourth_moment = Finiteness::finite;
-    return e;
-  }
-  if (v.size() < fewest_levels) return e;
+struct LevelsSay {
+  LevelEvidence levels;
+  SumVerdict sum;
+  Doubt doubt;
+  double counted = 0;    // of the levels that are doubted, in the measured variance
+  bool changes = false;  // levels that are not yet typical
+  std::vector<std::string> reasons;
+};
 
-  // A geometric law falls by the same factor everywhere, a power law ever more slowly.
-  const auto law_step = [&v](std::size_t i) {
-    return (v[i].probability - v[i + 1].probability) / (v[i + 1].level - v[i].level);
-  };
-  const double bend = law_step(v.size() - 2) / law_step(0);
-  e.polynomial = bend < 0.8;
-  const std::span<const Vote> used = asymptotic(v, e.polynomial);
-  const Vote& first = used.front();
-  const Vote& last = used.back();
-  const auto x = [&e](double level) { return e.polynomial ? std::log2(level + 1) : level; };
-  const Slope second = decay(used, e.polynomial, &Vote::second, &Vote::second_error);
-  const Slope fourth = decay(used, e.polynomial, &Vote::fourth, &Vote::fourth_error);
-  const double work = exact_slope(used, x(first.level), x(last.level), &Vote::work);
-  e.available = true;
-  e.contradicted = surplus(rows, all, second, e.polynomial) > surplus_limit;
-  e.votes = static_cast<std::int64_t>(used.size());
-  e.first_level = static_cast<std::int64_t>(first.level);
-  e.beta = -second.value;
-  e.beta_error = second.error;
-  e.rho = -exact_slope(used, x(first.position), x(last.position), &Vote::probability);
-  const double border = e.polynomial ? 1 : 0;
-  const double span = std::max(e.rho - border, 1e-3);
-  e.tail_index = (e.rho - e.beta / 2) / span;
-  e.error = std::hypot(e.beta_error / 2 / span, index_error);
-  // A law that falls ever faster than any power leaves every such sequence behind, sooner or later.
-  if (bend > 1.25 && e.tail_index < half) e.error = std::max(e.error, 0.1 * (1 + std::abs(e.tail_index)));
-  e.fourth_moment = below(3 * e.rho + fourth.value, fourth.error + index_error, -border);
-  e.work = below(work - e.rho, index_error, -border);
-  return e;
+Finiteness by_chance(double diverges) {
+  if (diverges <= sure) return Finiteness::finite;
+  return diverges >= 1 - sure ? Finiteness::infinite : Finiteness::undecided;
+}
+
+LevelsSay levels_say(const Statistics& s) {
+  LevelsSay say;
+  LevelEvidence& l = say.levels;
+  const Masses masses = s.masses.empty() ? masses_of(s.levels) : s.masses;
+  std::vector<LevelFacts> facts = facts_of(s.levels);
+  double drawn = 0;  // members: draws of a level over its mass, of all levels
+  double mass = 0;
+  for (const LevelRow& row : s.levels) {
+    if (row.is_base || !(row.probability > 0)) continue;
+    drawn += static_cast<double>(row.count);
+    mass += row.probability;
+  }
+  if (masses.empty()) return say;
+  // No level without a mass speaks: it is not part of the sum.
+  std::erase_if(facts, [&](const LevelFacts& f) {
+    return !f.is_base && (f.level < masses.first_level || f.level >= masses.first_level + std::ssize(masses.mass));
+  });
+  const std::vector<LevelFacts> run = facts;
+  if (!s.pilot_levels.empty()) facts = together(s.pilot_levels, facts);
+  const Evidence e = weigh(std::move(facts), s.sequence, true);
+  say.reasons = e.reasons;
+  say.changes = e.changes || e.missing_moments || e.end != End::none;
+  say.sum = judge(e, masses);
+  l.available = e.end != End::none ? e.grade != Grade::open : !e.courses.empty();
+  for (const LevelVoice& v : e.voices) l.votes += v.votes();
+  l.first_level = std::max<std::int64_t>(0, e.first_vote);
+  l.last_level = std::max<std::int64_t>(0, e.last_vote);
+  if (mass > 0) {
+    const double members = drawn / mass;
+    say.doubt = doubt_of(e, masses, members);
+    // The levels that are doubted have a part in the measured variance already.
+    for (const LevelFacts& f : run) {
+      if (f.is_base || !std::binary_search(say.doubt.levels.begin(), say.doubt.levels.end(), f.level)) continue;
+      const double p = masses.mass[static_cast<std::size_t>(f.level - masses.first_level)];
+      say.counted += static_cast<double>(f.draws) * f.second_moment / (p * members * p * members);
+    }
+  }
+  if (!l.available) return say;
+  if (e.end != End::none) {
+    l.tail_index = -infinity;
+    l.diverges = 0;
+    l.fourth_moment = Finiteness::finite;
+    l.work = Finiteness::finite;
+    return say;
+  }
+  l.diverges = say.sum.diverges;
+  l.growth = say.sum.growth;
+  l.contradicted = surplus(e) > surplus_limit;
+  l.rho = exponent_of(masses, e.last_vote, l.polynomial);
+  // In the unit of the PMF.
+  l.beta = e.decay.value;
+  l.beta_error = e.decay.error;
+  const double border = l.polynomial ? 1 : 0;
+  const double span = std::max(l.rho - border, 1e-3);
+  l.tail_index = (l.rho - l.beta / 2) / span;
+  l.error = std::hypot(l.beta_error / 2 / span, index_error);
+  l.fourth_moment = by_chance(fourth_moment_diverges(e, masses));
+  const double room = l.rho - border - (e.exponential_work != l.polynomial ? e.work.value : 0);
+  l.work = room > index_error ? Finiteness::finite : room < -index_error ? Finiteness::infinite : Finiteness::undecided;
+  return say;
 }
 
 // A base that is heavier than the rows of its own can tell.
@@ -284,48 +179,126 @@ bool heavy_base(const std::vector<LevelRow>& rows) {
   return false;
 }
 
-struct Index {
-  double value = -infinity;
-  double error = 0;
+// What the tails say.
+struct TailsSay {
+  Finiteness variance = Finiteness::undecided;
+  Grade grade = Grade::open;
+  double index = -infinity;
+  double error = infinity;
 };
 
-Index heavier(const Index& a, const Index& b) {
-  if (std::isinf(a.error) || std::isinf(b.error)) return {std::max(a.value, b.value), infinity};
-  return a.value >= b.value ? a : b;
+// A power law has exponential log excesses, of CV^2 = 1; those of a lognormal are lighter. In standard errors.
+double lighter_than_power(std::span<const double> descending, std::size_t m, double center) {
+  if (m < 10 || descending.size() <= m || !(descending[m] > center)) return 0;
+  double mean = 0;
+  double square = 0;
+  const auto n = static_cast<double>(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    const double excess = std::log((descending[i] - center) / (descending[m] - center));
+    mean += excess / n;
+    square += excess * excess / n;
+  }
+  const double variance = (square - mean * mean) * n / (n - 1);
+  return (1 - variance / (mean * mean)) / std::sqrt(8 / n);
 }
 
-// Averaged by precision where the two agree on an infinite variance, else the levels: light tails may only
-// mean that the samples have not reached the levels that make them heavy.
-Index together(const Index& levels, const Index& tails) {
-  if (levels.value < half || tails.value < half || std::isinf(tails.error)) return levels;
-  if (std::abs(levels.value - tails.value) > std::hypot(levels.error, tails.error)) return levels;
-  const double a = 1 / (levels.error * levels.error);
-  const double b = 1 / (tails.error * tails.error);
-  return {(a * levels.value + b * tails.value) / (a + b), 1 / std::sqrt(a + b)};
+// One side: `share` is that of its largest in the sum of squares, `hits` the values beside the commonest one.
+TailsSay one_side(std::span<const double> descending, const TailIndex& full, std::int64_t samples, double center,
+                  double share, double hits) {
+  const auto n = static_cast<double>(samples);
+  TailsSay t;
+  if (full.state == TailState::too_few) return t;
+  t = {Finiteness::finite, Grade::shown, full.k, full.error};
+  if (full.state == TailState::bounded) {
+    t.error = 0;
+    return t;
+  }
+  if (share < std::pow(n, irrelevant_share)) {
+    t.index = -infinity;
+    t.error = 0;
+    return t;
+  }
+  const auto size = static_cast<std::size_t>(full.values);
+  const auto part_of = [&](std::size_t m) {
+    const std::span<const double> part = descending.first(std::min(descending.size(), m + 1));
+    return m < 10 ? TailIndex{} : tail_index(part, samples, center);
+  };
+  const TailIndex halved = part_of(size / 2);
+  const TailIndex quarter = part_of(size / 4);
+  double low = full.k - tail_z * full.error;
+  double high = full.k + tail_z * full.error;
+  if (halved.state == TailState::fitted) {
+    low = std::min(low, halved.k - tail_z * halved.error);
+    high = std::max(high, halved.k + tail_z * halved.error);
+  }
+  const bool deep = quarter.state != TailState::fitted || quarter.k > deep_index;
+  if (low > half && deep) {
+    const std::size_t wide = std::min(descending.size() - 1, static_cast<std::size_t>(n / 10));
+    const double lighter = std::max(lighter_than_power(descending, std::min(size, descending.size() - 1), center),
+                                    lighter_than_power(descending, wide, center));
+    t.variance = Finiteness::infinite;
+    t.grade = samples >= fewest_for_shown && lighter < tail_z ? Grade::shown : Grade::likely;
+  } else if (hits < fewest_hits || (high > half && full.k > deep_index)) {
+    t.variance = Finiteness::undecided;
+    t.grade = Grade::open;
+  } else if (high > half) {
+    t.grade = Grade::likely;
+  }
+  return t;
 }
 
-// Of one side, as far as it can carry the variance.
-Index index_of(const TailIndex& tail, double share, std::int64_t samples) {
-  if (tail.state == TailState::too_few) return {tail.k, infinity};
-  if (tail.state == TailState::bounded || share < std::pow(static_cast<double>(samples), irrelevant_share)) return {};
-  return {tail.k, tail.error};
+// The worse of two.
+TailsSay worse(const TailsSay& a, const TailsSay& b) {
+  const auto rank = [](const TailsSay& t) {
+    if (t.variance == Finiteness::infinite) return 10 + static_cast<int>(t.grade);
+    return t.variance == Finiteness::undecided ? 5 : 3 - static_cast<int>(t.grade);
+  };
+  if (rank(a) != rank(b)) return rank(a) > rank(b) ? a : b;
+  return a.index >= b.index ? a : b;
 }
 
-void combine(RunVerdict& v, const Index& tails, bool has_levels, bool base_is_heavy) {
+void combine(RunVerdict& v, const TailsSay& tails, const LevelsSay& say, bool has_levels, bool base_is_heavy) {
   const LevelEvidence& l = v.levels;
-  const Index by_levels = {l.tail_index, l.error};
-  Index index = tails;
-  if (l.available) index = base_is_heavy ? heavier(by_levels, tails) : together(by_levels, tails);
-  v.tail_index = index.value;
-  v.error = index.error;
-  v.variance = below(index.value, index.error, half);
-  v.fourth_moment = below(index.value, index.error, half / 2);
-  if (l.available && !base_is_heavy) v.fourth_moment = l.fourth_moment;
-  // What the levels could not see the tails cannot either: clusters that are almost a lattice look light.
-  // Three levels lie on every curve, also on that of a start which is not asymptotic.
-  const bool too_few =
-      has_levels && (!l.available || l.contradicted || (l.votes > 0 && l.votes < fewest_levels_for_finite));
-  if (too_few && v.variance == Finiteness::finite) v.variance = Finiteness::undecided;
+  v.variance = tails.variance;
+  v.grade = tails.grade;
+  v.tail_index = tails.index;
+  v.error = tails.error;
+  v.fourth_moment = tails.variance;
+  if (tails.variance == Finiteness::finite) {
+    v.fourth_moment = tails.index + tails.error < half / 2   ? Finiteness::finite
+                      : tails.index - tails.error > half / 2 ? Finiteness::infinite
+                                                             : Finiteness::undecided;
+  }
+  if (has_levels) {
+    // Light tails prove nothing beside levels: no sample may have reached the heavy ones.
+    using Value = SumVerdict::Value;
+    const SumVerdict& sum = say.sum;
+    Finiteness by_levels = Finiteness::undecided;
+    if (sum.value == Value::finite && !l.contradicted) by_levels = Finiteness::finite;
+    if (sum.value == Value::infinite) by_levels = Finiteness::infinite;
+    Grade grade = by_levels == Finiteness::undecided ? Grade::open : sum.grade;
+    // Too few levels to tell, or levels that lean there: the largest values have the last word, with a hedge.
+    constexpr double leaning = 0.9;
+    if (by_levels == Finiteness::undecided && tails.variance == Finiteness::infinite && !say.changes &&
+        (!l.available || l.diverges >= leaning)) {
+      by_levels = Finiteness::infinite;
+      grade = Grade::likely;
+    }
+    const bool tails_decide = base_is_heavy && tails.variance != Finiteness::finite;
+    if (!tails_decide) {
+      v.variance = by_levels;
+      v.grade = base_is_heavy ? std::min(grade, tails.grade) : grade;
+      v.fourth_moment = l.fourth_moment;
+      if (l.available) {
+        v.tail_index = l.tail_index;
+        v.error = l.error;
+      }
+    } else if (by_levels == Finiteness::infinite) {
+      v.variance = by_levels;
+      v.grade = grade;
+    }
+  }
+  if (v.variance == Finiteness::undecided) v.grade = Grade::open;
   if (v.variance == Finiteness::infinite) v.fourth_moment = Finiteness::infinite;
   if (v.variance == Finiteness::undecided && v.fourth_moment == Finiteness::finite) {
     v.fourth_moment = Finiteness::undecided;
@@ -337,11 +310,6 @@ void combine(RunVerdict& v, const Index& tails, bool has_levels, bool base_is_he
 
 std::string figure(double x) { return std::isfinite(x) ? format("%.2f", x) : "bounded"; }
 
-std::string index_text(const RunVerdict& v) {
-  if (std::isinf(v.tail_index)) return std::isinf(v.error) ? "no tail to be seen" : "the values are bounded";
-  return "tail index " + figure(v.tail_index) + (std::isinf(v.error) ? "" : " +- " + figure(v.error));
-}
-
 std::string tails_text(const RunVerdict& v) {
   const auto side = [](const TailIndex& tail, const char* name) {
     if (tail.state != TailState::fitted) return std::string("no tail among the ") + name;
@@ -350,12 +318,19 @@ std::string tails_text(const RunVerdict& v) {
   return side(v.upper, "largest") + " and " + side(v.lower, "smallest") + " values";
 }
 
+std::string levels_text(std::int64_t first, std::int64_t last) {
+  return first == last ? "level " + std::to_string(first)
+                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
+}
+
 std::string evidence_text(const RunVerdict& v) {
   const LevelEvidence& l = v.levels;
-  if (!l.available) return tails_text(v);
-  return "levels " + std::to_string(l.first_level) + " ... " + std::to_string(l.last_level) +
-         (std::isinf(l.tail_index) ? ", beyond which every difference is zero" : "") +
-         (l.contradicted ? ", which deeper ones contradict" : "") + "; " + tails_text(v);
+  if (!l.available) {
+    if (std::isinf(v.tail_index) && std::isinf(v.error)) return "no tail to be seen";
+    return tails_text(v);
+  }
+  if (std::isinf(l.tail_index)) return "every difference is zero beyond some level";
+  return levels_text(l.first_level, l.last_level) + (l.contradicted ? ", which deeper ones contradict" : "");
 }
 
 }  // namespace
@@ -376,7 +351,7 @@ namespace {
 
 struct Tails {
   RunVerdict verdict;  // without the verdict itself
-  Index index;
+  TailsSay say;
 };
 
 Tails tails_of(const Moments& moments, std::span<const double> upper, std::span<const double> lower) {
@@ -388,14 +363,26 @@ Tails tails_of(const Moments& moments, std::span<const double> upper, std::span<
   std::vector<double> mirrored(lower.begin(), lower.end());
   for (double& x : mirrored) x = -x;
   v.lower = tail_index(mirrored, moments.count, -moments.mean);
-  if (moments.count < 2 || !std::isfinite(moments.m2) || upper.empty() || lower.empty()) {
-    t.index.error = infinity;  // nothing to judge, or squares that overflow
+  if (moments.count < 2 || !std::isfinite(moments.m2) || upper.empty() || lower.empty()) return t;
+  if (moments.m2 == 0) {
+    t.say = {Finiteness::finite, Grade::shown, -infinity, 0};
     return t;
   }
-  if (moments.m2 == 0) return t;
   const auto share = [&moments](double x) { return (x - moments.mean) * (x - moments.mean) / moments.m2; };
-  t.index = heavier(index_of(v.upper, share(upper.front()), moments.count),
-                    index_of(v.lower, share(lower.front()), moments.count));
+  // Both tails end in one value: the commonest one, and what lies beside it is all there.
+  double hits = static_cast<double>(moments.count);
+  if (upper.back() == lower.back()) {
+    const auto beside = [](std::span<const double> tail) {
+      return static_cast<double>(std::find(tail.begin(), tail.end(), tail.back()) - tail.begin());
+    };
+    hits = beside(upper) + beside(lower);
+  }
+  const TailsSay above = one_side(upper, v.upper, moments.count, moments.mean, share(upper.front()), hits);
+  const TailsSay below = one_side(mirrored, v.lower, moments.count, -moments.mean, share(lower.front()), hits);
+  // No value at all on a side: nothing to be heavy there.
+  const bool none_above = !(upper.front() > upper.back()) && hits < static_cast<double>(moments.count);
+  const bool none_below = !(lower.front() < lower.back()) && hits < static_cast<double>(moments.count);
+  t.say = none_above ? below : none_below ? above : worse(above, below);
   v.largest_share = std::max(share(upper.front()), share(lower.front()));
   return t;
 }
@@ -404,57 +391,92 @@ Tails tails_of(const Moments& moments, std::span<const double> upper, std::span<
 
 RunVerdict judge(const Moments& moments, std::span<const double> upper, std::span<const double> lower) {
   Tails t = tails_of(moments, upper, lower);
-  combine(t.verdict, t.index, false, false);
+  combine(t.verdict, t.say, {}, false, false);
   return t.verdict;
 }
 
 RunVerdict judge(const Statistics& s) {
   Tails t = tails_of(s.moments, s.upper_tail, s.lower_tail);
   RunVerdict& v = t.verdict;
-  if (s.nonfinite == 0) v.levels = evidence_of(s.levels);
+  LevelsSay say;
   bool has_levels = false;
   for (const LevelRow& row : s.levels) {
     v.deepest_level = std::max(v.deepest_level, row.last_level);
     has_levels = has_levels || row.probability > 0;
   }
+  if (s.nonfinite == 0 && std::isfinite(s.moments.m2)) {
+    say = levels_say(s);
+    v.levels = say.levels;
+    const double missing = std::max(0.0, say.doubt.unseen + say.doubt.undrawn - say.counted);
+    if (has_levels && std::isfinite(say.doubt.degrees)) {
+      v.unseen_variance = missing;
+      // Strata may have made the measured part smaller than its levels add up to.
+      const double all = missing + std::pow(s.moments.standard_error(), 2);
+      v.unseen_share = all > 0 ? std::min(missing, say.doubt.unseen) / all : 0;
+      v.degrees = say.doubt.degrees;
+    }
+  } else {
+    has_levels = false;
+    t.say = {};
+  }
   v.largest.assign(s.largest.begin(), s.largest.begin() + std::min<std::ptrdiff_t>(3, std::ssize(s.largest)));
-  combine(v, t.index, has_levels, heavy_base(s.levels));
+  combine(v, t.say, say, has_levels, heavy_base(s.levels));
   return v;
+}
+
+bool RunVerdict::interval_reliable() const {
+  if (variance != Finiteness::finite || degrees < fewest_degrees || unseen_share > half) return false;
+  return std::isfinite(degrees) || static_cast<double>(samples) >= draws_per_kurtosis * kurtosis;
 }
 
 std::vector<std::string> RunVerdict::sentences() const {
   std::vector<std::string> all;
-  const std::string number = index_text(*this);
+  const std::string graded = grade == Grade::open ? "" : std::string(" (") + name_of(grade) + ")";
+  std::string known = evidence_text(*this);
+  if (levels.available && unseen_share >= 0.005) {
+    known += "; " + format("%.0f", 100 * std::sqrt(unseen_share)) + " % of the error is from levels not seen";
+  }
   switch (variance) {
     case Finiteness::finite:
-      all.push_back(std::string("variance finite") + (levels.available ? ": " : " as far as these values reach: ") +
-                    number + " (threshold 0.5; " + evidence_text(*this) + ").");
+      all.push_back("variance finite" + graded + (levels.available ? ": " : " as far as these values reach: ") + known +
+                    ".");
       break;
     case Finiteness::infinite:
-      all.push_back("variance INFINITE: " + number + " (threshold 0.5; " + evidence_text(*this) +
-                    "), so the standard error is too small most of the time and errors fall like N^-" +
-                    format("%.2f", rate) + ", not N^-0.5; " +
+      all.push_back("variance INFINITE" + graded + ": " + known +
+                    (levels.available && std::isfinite(levels.growth)
+                         ? ", where it grows by " + format("%.2g", levels.growth) + " octaves " +
+                               (levels.polynomial ? "an octave of the level" : "a level")
+                         : std::string()) +
+                    ", so the standard error is too small most of the time; " +
                     (levels.available && levels.beta > 0
                          ? "take a law that falls more slowly, with exponent below " +
                                format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
                                ", as long as its work is finite."
-                         : std::string("find what makes the largest values, a law that falls too fast say.")));
+                     : grade == Grade::likely && !levels.available
+                         ? std::string("a lognormal looks the same; replay the largest samples to find the cause.")
+                         : std::string("replay the largest samples to find the cause: a law that falls too fast "
+                                       "is the usual one.")));
       break;
     case Finiteness::undecided:
-      all.push_back("variance undecided: " + number + " (threshold 0.5; " + evidence_text(*this) +
-                    "), so the interval is not to be trusted; take more samples; a survey of the levels, if "
-                    "there are any, tells sooner.");
+      all.push_back("variance open: " + known +
+                    ", so the interval may be too narrow; take more samples; a survey of the levels, if there are "
+                    "any, tells sooner.");
       break;
   }
-  if (variance == Finiteness::finite && fourth_moment != Finiteness::finite) {
-    all.push_back("fourth moment " + std::string(name_of(fourth_moment)) + ": " + number +
-                  " (threshold 0.25; kurtosis " + format("%.3g", kurtosis) +
-                  " so far), so the standard error converges slowly and the interval is unreliable; take a "
-                  "law that falls more slowly, or more samples.");
+  if (variance == Finiteness::finite && !interval_reliable()) {
+    std::string why = "one sample in " + format("%.2g", static_cast<double>(samples) / std::max(1.0, kurtosis)) +
+                      " carries the variance";
+    if (unseen_share > half) {
+      why = "most of its variance is in levels that were hardly drawn";
+    } else if (std::isfinite(degrees)) {
+      why = "its variance is known like that of " + format("%.0f", degrees + 1) + " values";
+    }
+    all.push_back("the interval is unreliable: " + why + "; take more samples.");
   }
-  if (variance != Finiteness::finite && tail_index > usable_tail_index(samples)) {
-    all.push_back("even the mean is doubtful: " + number + " (threshold " + format("%.2f", usable_tail_index(samples)) +
-                  " for " + std::to_string(samples) + " samples), so it may be far off; " +
+  if (variance == Finiteness::infinite && tail_index > usable_tail_index(samples) && tail_index < 2) {
+    all.push_back("even the mean is doubtful: tail index " + figure(tail_index) + " (threshold " +
+                  format("%.2f", usable_tail_index(samples)) + " for " + std::to_string(samples) +
+                  " samples), so it may be far off; " +
                   (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."
                                                  : "no number of samples helps."));
   }

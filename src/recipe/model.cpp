@@ -12,95 +12,30 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
 constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double never_seen = 1e-6;          // of a second moment, for the one of a base that showed nothing but zeros
-constexpr double bend = 0.1;                 // octaves that a second moment may lie beside the fitted line
 constexpr double strata_share = 1.0 / 2;     // of the draws of a level that have no part in its base
 constexpr std::int64_t fewest_members = 32;  // that run together and tell what strata leave
 
-double abscissa(double level, RateKind kind) { return kind == RateKind::polynomial ? std::log2(level + 1) : level; }
-
-// The fitted line of log2 E D_k^2, with its error.
-struct FittedDecay {
-  RateKind kind;
-  double at_centre = 0;
-  double centre = 0;
-  double slope = 0;
-  double slope_error = 0;
-  std::int64_t first = -1;  // level that was fitted
-
-  [[nodiscard]] bool known() const { return first >= 0; }
-  [[nodiscard]] double at(double level) const { return at_centre - slope * (abscissa(level, kind) - centre); }
-  [[nodiscard]] double error(double level) const {
-    return std::hypot(bend, slope_error * (abscissa(level, kind) - centre));
-  }
-};
-
-double octaves(const SurveyRow& row) { return row.second_moment_error / row.second_moment / std::log(2.0); }
-
-FittedDecay decay_of(const Survey& s) {
-  FittedDecay d;
-  d.kind = s.rates.kind;
-  d.slope = s.rates.variance.value;
-  d.slope_error = s.rates.variance.error;
-  double weight = 0;
-  for (const SurveyRow& row : s.rows) {
-    if (!row.fitted) continue;
-    const double w = 1 / (octaves(row) * octaves(row) + bend * bend);
-    weight += w;
-    d.centre += w * abscissa(static_cast<double>(row.level), d.kind);
-    d.at_centre += w * std::log2(row.second_moment);
-    if (d.first < 0) d.first = row.level;
-  }
-  d.centre /= weight;
-  d.at_centre /= weight;
-  return d;
-}
-
-// How much E D_k^2 falls from one level to the next where nothing was measured.
-double cautious_fall(const MeasuredRates& rates) {
-  const double work = std::isfinite(rates.work.value) ? rates.work.value : 1;
-  return std::exp2(-(work + (rates.variance.value == infinity ? 1 : 0.2)));
-}
-
-// E D_k^2 as it should be believed: see the header.
+// E D_k^2 as it should be believed: the mean of the posterior, at most one standard deviation up.
 std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
-  const FittedDecay line = decay_of(s);
-  const double fall = cautious_fall(s.rates);
+  const Evidence& e = s.evidence;
+  const std::vector<Believed> all = believed(e, static_cast<std::int64_t>(levels) - 1);
+  const double fall = std::exp2(-((e.exponential_work ? e.work.value : 0) + 1));
   double scale = 0;
-  for (const SurveyRow& row : s.rows) scale = std::max(scale, row.mean * row.mean + row.variance);
+  for (const SurveyRow& row : s.rows) {
+    const double square = row.mean * row.mean + row.variance;
+    if (std::isfinite(square)) scale = std::max(scale, square);
+  }
   std::vector<double> a(levels);
-  double seen = s.rows.front().variance;  // the last second moment of differences that are not zero
-  for (std::size_t k = 0; k < levels; ++k) {
-    const auto level = static_cast<double>(k);
-    const SurveyRow* row = k < s.rows.size() ? &s.rows[k] : nullptr;
-    if (k == 0) {
-      a[0] = row->variance + row->mean * row->mean;
-      continue;
-    }
-    const bool measured = row != nullptr && row->second_moment > 0 && std::isfinite(row->second_moment);
-    const bool beyond = line.known() && static_cast<std::int64_t>(k) >= line.first;
-    if (beyond && measured && row->fitted) {
-      const double own = octaves(*row) * octaves(*row);
-      const double lines = line.error(level) * line.error(level);
-      a[k] = std::exp2((std::log2(row->second_moment) * lines + line.at(level) * own) / (lines + own));
-    } else if (beyond) {
-      // Hardly seen: what the line says, and its error; a few zeros or one outlier say nothing.
-      a[k] = std::exp2(line.at(level) + line.error(level));
-      // A line that may not fall at all predicts nothing; the law then bets on a decay that some law survives.
-      if (s.law_exists == Answer::cannot_tell) a[k] = std::min(a[k], fall * a[k - 1]);
-    } else if (measured && row->votes) {
-      a[k] = row->second_moment;
-    } else if (measured) {
-      a[k] = std::max(row->second_moment + row->second_moment_error, fall * a[k - 1]);
-    } else if (row != nullptr && row->second_moment == 0 && a[k - 1] == seen) {
-      // The first level of zeros: with 95 % confidence a difference as large as before is no more frequent than that.
-      a[k] = 3 / static_cast<double>(row->draws) * seen;
-    } else {
-      a[k] = fall * a[k - 1];
-    }
-    if (measured) seen = a[k];
-    // Zeros get a floor, and so a mass. Not on the line: a steep law would find more in the floor than in the decay.
+  a[0] = s.rows.front().variance + s.rows.front().mean * s.rows.front().mean;
+  double floor = 1e-30;
+  for (std::size_t k = 1; k < levels; ++k) {
+    const double up = std::min(all[k].error, 0.35 * all[k].error * all[k].error);
+    a[k] = std::exp2(std::clamp(all[k].log2_second + up, -1020.0, 1000.0));
+    // Zeros get a floor, and so a mass; a trend does without: a steep one would find more in the floor than in itself.
+    const bool has_trend = !e.courses.empty() && static_cast<std::int64_t>(k) >= e.first_vote;
     constexpr double least = std::numeric_limits<double>::min();
-    a[k] = std::max(a[k], beyond ? least : std::max(1e-30 * scale, least) * std::pow(fall, level));
+    floor *= fall;
+    a[k] = std::max(a[k], has_trend && e.end != End::stated ? least : std::max(floor * scale, least));
   }
   return a;
 }
@@ -109,26 +44,27 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
 
 LevelModel model_of(const Survey& s, std::int64_t levels) {
   if (levels == 0) {
-    levels = static_cast<std::int64_t>(s.rows.size()) +
-             (s.rates.kind == RateKind::polynomial ? slow_levels_predicted : levels_predicted);
+    // A slow decay matters for longer, until nothing is left of it.
+    const double octaves = s.evidence.decay.value > 0 ? levels_predicted / s.evidence.decay.value : 0;
+    const bool is_slow = !s.evidence.exponential_work && !s.evidence.courses.empty();
+    const double slow = s.evidence.polynomial ? static_cast<double>(slow_levels_predicted) : octaves;
+    const auto beyond =
+        std::clamp(static_cast<std::int64_t>(is_slow ? slow : 0), levels_predicted, slow_levels_predicted);
+    levels = s.rows.back().level + 1 + beyond;
   }
   const auto n = static_cast<std::size_t>(levels);
   LevelModel m;
   const std::vector<double> a = believed_squares(s, n);
   double share = 1;  // of the variance in the second moment
   for (std::size_t k = 0; k < n; ++k) {
-    if (k < s.rows.size()) {
-      const SurveyRow& row = s.rows[k];
-      if (k > 0 && row.second_moment > 0 && row.votes) {
-        share = std::clamp(row.difference_variance / row.second_moment, 0.0, 1.0);
+    const SurveyRow* row = s.row_at(static_cast<std::int64_t>(k));
+    if (row != nullptr) {
+      if (k > 0 && row->second_moment > 0 && row->votes) {
+        share = std::clamp(row->difference_variance / row->second_moment, 0.0, 1.0);
       }
-      m.work.push_back(k == 0 ? row.value_work : row.difference_work);
+      m.work.push_back(k == 0 ? row->value_work : row->difference_work);
     } else {
-      const std::size_t last = s.rows.size() - 1;
-      const double growth = s.rates.work.value > 0 && s.rates.kind != RateKind::polynomial
-                                ? std::exp2(s.rates.work.value)
-                                : std::max(1.0, m.work[k - 1] / m.work[k - 2]);
-      m.work.push_back(last == 0 ? m.work[k - 1] : m.work[k - 1] * growth);
+      m.work.push_back(std::exp2(std::min(1000.0, log2_work(s.evidence, static_cast<std::int64_t>(k)))));
     }
     if (k == 0) {
       m.variance.push_back(s.rows[0].variance);
@@ -141,11 +77,21 @@ LevelModel model_of(const Survey& s, std::int64_t levels) {
   return m;
 }
 
-double tail_exponent_for(const MeasuredRates& r) {
-  MeasuredRates known = r;
-  if (!std::isfinite(known.work.value)) known.work.value = 1;
-  if (law_exists(rates_of(known))) return default_exponent(known);
-  return finite_exponents(rates_of(known)).low + 0.1;  // not known, or too slow: finite work
+double tail_exponent_for(const Survey& s) {
+  const Evidence& e = s.evidence;
+  // What falls like powers of 2 counts a power of the level for nothing.
+  const bool polynomial = e.polynomial;
+  MeasuredRates r;
+  r.kind = polynomial ? RateKind::polynomial : RateKind::geometric;
+  r.work.value = e.exponential_work != polynomial ? e.work.value : 0;
+  const bool known = !e.courses.empty() && e.answer != Answer::no;
+  r.variance.value = known ? e.decay.value : std::numeric_limits<double>::quiet_NaN();
+  // E D^4 by the trend of kappa, which the rates report.
+  r.fourth.value =
+      std::isfinite(s.rates.fourth.value) ? std::min(s.rates.fourth.value, 2 * r.variance.value) : 2 * r.variance.value;
+  if (e.end != End::none && !known) r.variance.value = r.fourth.value = Rates::faster_than_any;
+  if (law_exists(rates_of(r))) return default_exponent(r);
+  return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work
 }
 
 namespace {
@@ -156,7 +102,8 @@ double sum_above(std::int64_t base_level, const Survey& survey, const LevelModel
   double sum = 0;
   double sign = 1;
   for (auto k = static_cast<std::size_t>(base_level) + 1; k < model.size(); ++k) {
-    if (k < survey.rows.size() && survey.rows[k].votes) sign = survey.rows[k].difference;
+    const SurveyRow* row = survey.row_at(static_cast<std::int64_t>(k));
+    if (row != nullptr && row->votes) sign = row->difference;
     sum += std::copysign(std::sqrt(model.mean_square[k]), sign);
   }
   return sum;
@@ -178,7 +125,7 @@ StrataMoments strata_of(const LevelRuns& runs, std::int64_t level, std::int64_t 
 
 TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model, const Setup& setup,
                          const Plan& plan, double share) {
-  const SurveyRow& base = survey.rows.at(static_cast<std::size_t>(setup.base_level));
+  const SurveyRow& base = *survey.row_at(setup.base_level);
   const auto first = static_cast<std::size_t>(setup.first_level());
   const auto slice = [first](const std::vector<double>& v) {
     return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(first), v.end());
@@ -206,12 +153,13 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
       t.fixed_work = base.value_work;
     }
   }
-  const auto draws_of = [&](std::size_t k) { return std::ceil(share * static_cast<double>(survey.rows[k].draws)); };
+  const auto row_of = [&](std::size_t k) { return survey.row_at(static_cast<std::int64_t>(k)); };
+  const auto draws_of = [&](std::size_t k) { return std::ceil(share * static_cast<double>(row_of(k)->draws)); };
   if (shared) {
     double base_variance = base.variance;
     for (std::size_t k = first; k < model.size(); ++k) {
       t.covariance.push_back(0);
-      if (k < survey.rows.size()) {
+      if (row_of(k) != nullptr) {
         Plan part = plan;
         part.goal = {};
         part.samples = static_cast<std::int64_t>(draws_of(k));
@@ -226,14 +174,14 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
   if (!runs.together || t.block == 1) return t;
   // Of a level alone: the same for every base.
   const auto alone = [&](std::int64_t level) {
-    const auto draws = static_cast<double>(survey.rows[static_cast<std::size_t>(level)].draws);
+    const auto draws = static_cast<double>(survey.row_at(level)->draws);
     return strata_of(runs, level, level, strata_share * draws, plan);
   };
   for (std::size_t k = first; k < model.size(); ++k) {
     // Beyond the survey a level is like the last one.
     std::vector<double> base_left = t.base_left.empty() ? std::vector<double>() : t.base_left.back();
     std::vector<double> left = t.variance_left.empty() ? std::vector<double>() : t.variance_left.back();
-    if (k < survey.rows.size()) {
+    if (row_of(k) != nullptr) {
       const auto level = static_cast<std::int64_t>(k);
       const bool is_base = setup.base == Base::drawn && k == first;
       // The base of a sequence that shares it is another one than I_m alone.
@@ -265,7 +213,8 @@ VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law) {
 
 double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level) {
   const auto m = static_cast<std::size_t>(base_level);
-  double roots = std::sqrt(survey.rows.at(m).variance * survey.rows[m].value_work);
+  const SurveyRow& base = *survey.row_at(base_level);
+  double roots = std::sqrt(base.variance * base.value_work);
   for (std::size_t k = m + 1; k < model.size(); ++k) roots += std::sqrt(model.variance[k] * model.work[k]);
   return roots * roots;
 }

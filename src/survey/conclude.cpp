@@ -24,12 +24,9 @@ constexpr double octave_floor = 0.03;
 // Below these sizes beside I_k a difference is: too small to matter, or rounding, or zero in exact arithmetic.
 constexpr double negligible = 1e-10;
 constexpr double rounding_size = 1e-13;
-constexpr double chi_square_z = 3.1;     // a right fit fails once in a thousand
-constexpr double drift_z = 1.0;          // how far a slope may move when the shallowest level leaves
-constexpr double confidence_z = 2.6;     // of yes and no: wrong once in two hundred
-constexpr double needless_excess = 0.2;  // a law for beta - gamma below this part of gamma is none for practice
+constexpr double chi_square_z = 3.1;  // a right fit fails once in a thousand
+constexpr double drift_z = 1.0;       // how far a slope may move when the shallowest level leaves
 constexpr std::size_t fewest_levels = 3;
-constexpr int fewest_for_no = 4;  // fitted levels, unless the deepest is among them
 constexpr std::size_t fewest_scattered = 4;
 
 // A fit of log2 y over the levels, from the shallowest on from which it is a line.
@@ -104,23 +101,77 @@ std::string levels_text(std::int64_t first, std::int64_t last) {
 
 class Conclusion {
  public:
-  Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed) {
+  Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
     survey_.rows = std::move(rows);
     survey_.seed = seed;
+    survey_.evidence = weigh(facts_of(survey_.rows), sequence, budget_spent);
+    survey_.law_exists = survey_.evidence.answer;
+    survey_.grade = survey_.evidence.grade;
   }
 
   Survey draw() {
     for (const SurveyRow& row : survey_.rows) {
       survey_.work += static_cast<double>(row.draws) * std::max(row.difference_work, row.value_work);
       survey_.seconds += static_cast<double>(row.draws) * row.seconds;
-      scale_ = std::max(scale_, std::sqrt(row.mean * row.mean + row.variance));
+      const double size = std::sqrt(row.mean * row.mean + row.variance);
+      if (std::isfinite(size)) scale_ = std::max(scale_, size);
     }
     consistency();
     if (!zeros()) rates();
+    for (const std::string& reason : survey_.evidence.reasons) remark(reason);
+    slow_draws();
     return std::move(survey_);
   }
 
  private:
+  static std::vector<LevelFacts> facts_of(const std::vector<SurveyRow>& rows) {
+    std::vector<LevelFacts> facts;
+    for (const SurveyRow& row : rows) {
+      LevelFacts f;
+      f.level = row.level;
+      f.draws = row.draws;
+      f.is_base = row.level == 0;
+      f.mean = row.difference;
+      f.second_moment = row.second_moment;
+      f.fourth_moment = row.kurtosis * row.second_moment * row.second_moment;
+      f.nonzero = row.nonzero;
+      f.work = row.difference_work;
+      f.value_variance = row.variance;
+      double square = row.mean * row.mean + row.variance;
+      for (const ComponentEstimate& c : row.coarse) square += c.mean * c.mean + c.variance;
+      f.value_square = square;
+      f.tail_index = row.tail_index;
+      f.tail_error = row.tail_error;
+      // What rounding leaves of a difference is none.
+      constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+      if (!f.is_base && f.second_moment <= rounding * rounding * square) {
+        f.mean = f.second_moment = f.fourth_moment = f.nonzero = 0;
+      }
+      facts.push_back(f);
+    }
+    return facts;
+  }
+
+  // The time of a draw grows and its stated work does not: pilot and law would spend what they do not count.
+  void slow_draws() {
+    constexpr double least_time = 1e-5;  // of a draw: below, the clock tells little
+    constexpr std::int64_t span = 4;
+    constexpr double factor = 8;
+    const SurveyRow& last = survey_.rows.back();
+    if (!(last.seconds > least_time)) return;
+    for (const SurveyRow& row : survey_.rows) {
+      if (row.level == 0 || row.level + span > last.level) continue;
+      const double work =
+          std::max(last.difference_work, last.value_work) / std::max(row.difference_work, row.value_work);
+      const double time = last.seconds / std::max(row.seconds, 1e-8);
+      if (!(time > factor * work)) continue;
+      remark("a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
+             " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
+             " times its work: state the work of a draw (the last argument of base and coupled)");
+      return;
+    }
+  }
+
   void remark(const std::string& text) { survey_.remarks.push_back(text); }
 
   void consistency() {
@@ -129,7 +180,7 @@ class Conclusion {
     std::int64_t where = 0;
     for (std::size_t i = 1; i < rows.size(); ++i) {
       SurveyRow& row = rows[i];
-      if (rows[i - 1].level + 1 != row.level) continue;
+      if (rows[i - 1].level + 1 != row.level || rows[i - 1].level < survey_.evidence.lowest_base) continue;
       for (std::size_t c = 0; c < row.coarse.size(); ++c) {
         const ComponentEstimate& below = rows[i - 1].values[c];
         const double gap = row.coarse[c].mean - below.mean;
@@ -149,26 +200,15 @@ class Conclusion {
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
 
-  // Differences that are zero, up to rounding, in every draw from some level on.
+  // Differences that are zero in every draw from some level on.
   bool zeros() {
-    auto& rows = survey_.rows;
-    std::size_t first = rows.size();
-    while (first > 0 && rows[first - 1].level > 0 && !(size(rows[first - 1]) > rounding_size)) --first;
-    const std::size_t count = rows.size() - first;
-    if (count == 0 || first == 0) return false;
-    const SurveyRow& last = rows[first - 1];
-    if (last.level > 0 && last.nonzero < 0.5) {
-      remark(levels_text(rows[first].level, rows.back().level) +
-             " showed no difference but zero, after ever rarer ones: a rare event, not an exact level");
-      return false;
-    }
-    // A decay that has run out of digits is something else than differences that stop.
-    if (count < 2 || (last.level > 0 && size(last) < 1e-6)) return false;
+    const Evidence& e = survey_.evidence;
+    if (e.end == End::none || e.end == End::rounding || e.end == End::aliased) return false;
+    if (e.answer != Answer::yes) return false;
     survey_.rates.kind = RateKind::exact_zero;
     faster_than_any();
     work_rate(Decay::geometric);
-    survey_.law_exists = Answer::yes;
-    remark("the differences are zero from level " + std::to_string(rows[first].level) + " on");
+    remark("the differences are zero from level " + std::to_string(e.last_difference + 1) + " on");
     return true;
   }
 
@@ -222,7 +262,6 @@ class Conclusion {
     if (super_exponential(fits)) {
       r.kind = RateKind::super_exponential;
       faster_than_any();
-      survey_.law_exists = Answer::yes;
       remark("the differences fall ever faster, beyond any power");
       return;
     }
@@ -267,11 +306,6 @@ class Conclusion {
     }
     work_rate(decay);
     pre_asymptotic(fitted.front());
-    answer();
-    if (survey_.law_exists == Answer::no && is_polynomial && g && -g->line.slope > confidence_z * g->error) {
-      survey_.law_exists = Answer::cannot_tell;
-      remark("cannot tell yet whether a law exists: few levels, and a slow power of 2 looks like one of k");
-    }
   }
 
   // No line, but a trend: the deeper two thirds, and what they scatter around it.
@@ -352,30 +386,6 @@ class Conclusion {
     }
   }
 
-  void answer() {
-    const MeasuredRates& r = survey_.rates;
-    const ExponentRange range = finite_exponents(rates_of(r));
-    const double excess = range.high - range.low;
-    const double error = confidence_z * std::hypot(r.variance.error, r.work.error);
-    if (excess - error > 0) {
-      survey_.law_exists = Answer::yes;
-    } else if (excess + error < needless_excess * std::max(r.work.value, 0.0) || excess + error < 0) {
-      survey_.law_exists = Answer::no;
-      // Some shallow levels that do not decay yet look like no decay at all.
-      const auto fitted =
-          std::count_if(survey_.rows.begin(), survey_.rows.end(), [](const SurveyRow& row) { return row.fitted; });
-      if (fitted < fewest_for_no && !survey_.rows.back().fitted) {
-        survey_.law_exists = Answer::cannot_tell;
-        remark("cannot tell yet whether a law exists: " + std::to_string(fitted) +
-               " levels, all of them shallow, do not decay fast enough; survey with more draws");
-      }
-    } else {
-      survey_.law_exists = Answer::cannot_tell;
-      remark("cannot tell yet whether a law exists: beta - gamma leaves " + text_of(excess) + " +- " +
-             text_of(error / confidence_z) + "; survey more levels, or more draws");
-    }
-  }
-
   Survey survey_;
   double scale_ = 0;
   std::int64_t drowned_ = 0;  // the first level below which rounding is what is left
@@ -383,6 +393,8 @@ class Conclusion {
 
 }  // namespace
 
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed) { return Conclusion(std::move(rows), seed).draw(); }
+Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
+  return Conclusion(std::move(rows), seed, sequence, budget_spent).draw();
+}
 
 }  // namespace debias

@@ -162,17 +162,8 @@ struct DeclaredRates {
   Rates rates;
 };
 struct ConstantLimit {
-  /// Limit::constant, where there is such a type: then take its place.
-  struct Constant {
-    template <class Limit>
-    requires std::is_enum_v<Limit>
-    operator Limit() const { return Limit::constant; }
-    template <class Limit>
-    requires std::is_enum_v<Limit>
-    friend bool operator==(Constant /*constant*/, Limit other) { return other == Limit::constant; }
-  };
   explicit ConstantLimit(const Family& /*family*/) {}
-  Constant limit;
+  Limit limit = Limit::constant;
 };
 struct StatedEnd {
   explicit StatedEnd(const Family& family) : exact_from(family.end) {}

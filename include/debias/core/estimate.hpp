@@ -66,6 +66,8 @@ Identity identity_of(const E& estimator) {
 }
 
 Statistics merge(const Statistics& a, const Statistics& b);
+/// From the base or the level above it on, as far as they matter.
+Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability);
 /// Says so where the standard error is below the rounding of the values themselves.
 void warn_of_single_precision(Statistics& statistics, double epsilon);
 /// Judges the coupling of the levels, and warns first of all of a wrong one.
@@ -147,6 +149,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     for (LevelRow& row : statistics.levels) {
       if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
     }
+    statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
   statistics = detail::with_rounding<V>(std::move(statistics));
   if constexpr (RealValue<V> || ComplexValue<V>) {

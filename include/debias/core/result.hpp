@@ -207,8 +207,11 @@ struct Statistics {
   double pilot_work = 0;     ///< of `work`, what a pilot took that chose the estimator or its samples
   double pilot_seconds = 0;  ///< of `seconds`
   RunState state;
+  Masses masses;                         ///< of the levels, where the estimator knows them
+  std::vector<LevelFacts> pilot_levels;  ///< what a pilot saw of the same sequence; speaks for the verdict only
+  SequenceFacts sequence;                ///< what the sequence states of itself
 
-  /// Two-sided normal interval. Throws std::invalid_argument unless 0 < confidence < 1.
+  /// Two-sided interval of Student's t, widened by what levels with a mass but hardly a draw may add. Throws std::invalid_argument unless 0 < confidence < 1.
   [[nodiscard]] Interval interval(double confidence = 0.95, std::size_t component = 0) const;
   /// Standard error of the mean; its norm, for a value with several components.
   [[nodiscard]] double total_error() const;

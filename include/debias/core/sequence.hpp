@@ -15,6 +15,8 @@
 //   difference_at(level, rng)       -> Term: D_k alone, when I_k costs extra; no run checks the coupling then
 //   shared(level, base, rng)        -> SharedDraw: I_base averaged over every point that D_level draws anyway
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
+//   exact_from                      -> the level beyond which every D_k is zero
+//   limit                           -> Limit::constant where I_k tends to one number, whatever the draw
 //   deepest_level()                 -> int64: the last level that can be drawn (core/reach.hpp)
 //   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
 //                                      out[b] from the numbers of member b, equal to one by one up to rounding
@@ -208,6 +210,19 @@ Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& 
 template <class S>
 concept DeclaresRates = requires(const S& s) {
   { s.rates } -> std::convertible_to<Rates>;
+};
+
+/// What I_k tends to as the level grows: for one draw another number than for the next, or one number. Levels of zeros
+/// prove nothing about the latter while I_k still varies: what makes it vary lies between the points of the levels.
+enum class Limit { random, constant };
+
+template <class S>
+concept StatesExactFrom = requires(const S& s) {
+  { s.exact_from } -> std::convertible_to<std::int64_t>;
+};
+template <class S>
+concept StatesLimit = requires(const S& s) {
+  { s.limit } -> std::convertible_to<Limit>;
 };
 
 /// Adapts a TermSequence to levels: I_k is the sum of the terms 0 ... k of one path, D_k its term k. Reaching

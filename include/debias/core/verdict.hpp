@@ -1,19 +1,20 @@
 #pragma once
 
-// Is the variance of a run finite? From its levels, its largest values, or both; never from a declaration.
+// Is the variance of a run finite, and can its interval be trusted? From its levels, its largest values, or both.
 //
-//   levels   a_k = E D_k^2 / p_k ~ 2^(-(beta - rho) k): finite iff beta > rho; xi = 1 - beta / (2 rho)
-//            (power laws: k^(-(beta - rho)), finite iff beta > rho + 1; xi = (rho - beta/2) / (rho - 1))
-//   tails    Pareto k of the largest values of either side (core/tail_index.hpp)
-//   both     xi of the levels, averaged with k where both exceed 1/2; decided at two standard errors from 1/2
+//   levels   sum_k E D_k^2 / p_k by the posterior of statistics/evidence.hpp, from the pilot and the run together;
+//            of declared rates no more than a prior
+//   tails    Pareto k of the largest values of either side (core/tail_index.hpp): where there are no levels, or a base
+//            that is heavier than they can tell. Infinite: k - 1.5 se > 1/2 in the full and the half tail and k > .4 in
+//            the quarter, without a hedge only where log excesses look exponential; a lognormal looks the same
+//   interval se^2 + (what levels with a mass but hardly a draw may add), Student's t; reliable iff the variance is
+//            finite, it has eight degrees, and at most half of it was not seen
 //
-//   Notation: p_k = LevelRow::probability, beta, rho = slopes of -log2 E D_k^2 and -log2 p_k, xi = tail
-// index. A level votes with 4 x kurtosis draws; `finite` needs four votes, and no deeper level that
-// contradicts them. Assumes that deeper levels go on like those seen: where the first ones mislead, the
-// verdict does. Light tails prove nothing beside levels: no sample may have reached the heavy ones. A
-// roulette policy has no p_k: tails decide. Kurtosis speaks for the error bar only: the fourth moment may be
-// infinite (xi >= 1/4) while the variance is finite. Source: derived here; Rhee & Glynn, Oper. Res. 63
-// (2015), section 3, for the levels.
+//   Notation: p_k = LevelRow::probability, D_k = difference, xi = tail index = 1 - beta / (2 rho) for 2^(-beta k) under
+// 2^(-rho k) (power laws: (rho - beta/2) / (rho - 1)).
+// Fails where deeper levels do not go on like those seen; what no rule decides is listed in statistics/evidence.hpp. A
+// roulette policy has no p_k: tails decide, and numbers without levels are "finite as far as these values reach".
+// Source: derived here; Rhee & Glynn, Oper. Res. 63 (2015), section 3, for the levels.
 
 #include <cstdint>
 #include <limits>
@@ -23,6 +24,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/tail_index.hpp>
+#include <debias/statistics/evidence.hpp>
 
 namespace debias {
 
@@ -32,19 +34,21 @@ enum class Finiteness { finite, infinite, undecided };
 /// "finite", "infinite", "undecided".
 const char* name_of(Finiteness finiteness);
 
-/// What the rows of a level table say of the weighted differences.
+/// What the levels say of the weighted differences.
 struct LevelEvidence {
-  bool available = false;  ///< at least two levels could vote, or all deeper differences are exactly zero
-  std::int64_t votes = 0;  ///< levels in the fit; two or three may say infinite, never finite
-  double tail_index = 0;   ///< xi; -infinity where the differences end
+  bool available = false;  ///< at least three levels vote, or all deeper differences are zero
+  std::int64_t votes = 0;
+  double tail_index = 0;  ///< xi; -infinity where the differences end
   double error = 0;
-  double beta = 0;  ///< of E D_k^2, in the unit of the law: 2^(-beta k) or k^(-beta)
+  double beta = 0;  ///< of E D_k^2 in the limit, in the unit of the PMF: 2^(-beta k) or k^(-beta)
   double beta_error = 0;
   double rho = 0;  ///< of p_k
   bool polynomial = false;
-  bool contradicted = false;     ///< deeper levels, too rare to vote, are larger than the fit
+  bool contradicted = false;     ///< deeper levels, too rare to vote, are larger than the posterior allows
   std::int64_t first_level = 0;  ///< the levels that voted
   std::int64_t last_level = 0;
+  double diverges = 0.5;  ///< P(the variance is infinite)
+  double growth = 0;      ///< of E D_k^2 / p_k, in octaves a level (polynomial: an octave of the level)
   Finiteness fourth_moment = Finiteness::undecided;
   Finiteness work = Finiteness::undecided;
 };
@@ -52,7 +56,8 @@ struct LevelEvidence {
 /// What one can say of the moments of samples. `samples`, moments and extremes are those that were seen.
 struct RunVerdict {
   Finiteness variance = Finiteness::undecided;
-  Finiteness fourth_moment = Finiteness::undecided;  ///< unless finite, the interval is unreliable
+  Grade grade = Grade::open;                         ///< of the variance: open iff undecided
+  Finiteness fourth_moment = Finiteness::undecided;  ///< of a sample; where it is infinite, errors are known slowly
   Finiteness work = Finiteness::undecided;
   double tail_index = 0;  ///< of levels and tails together; -infinity: bounded
   double error = std::numeric_limits<double>::infinity();
@@ -61,14 +66,17 @@ struct RunVerdict {
   TailIndex lower;
   std::int64_t samples = 0;
   double kurtosis = 0;
+  double unseen_variance = 0;  ///< of the mean, that levels with a mass but hardly a draw may add to the one measured
+  double unseen_share = 0;     ///< of the squared error, all of what those levels add
+  double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t, as the parts of the variance are known
   double largest_share = 0;          ///< of the sum of squares about the mean, by the largest sample
   std::int64_t deepest_level = 0;    ///< that any sample reached
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
   double rate = 0;                   ///< the error of the mean falls like samples^-rate
   std::vector<LargeSample> largest;  ///< what to replay, at most 3
 
-  [[nodiscard]] bool interval_reliable() const { return fourth_moment == Finiteness::finite; }
-  /// One sentence each: number, threshold, consequence, advice. The first is on the variance.
+  [[nodiscard]] bool interval_reliable() const;
+  /// One sentence each: the first is on the variance, with its grade; others only where there is something to do.
   [[nodiscard]] std::vector<std::string> sentences() const;
 };
 

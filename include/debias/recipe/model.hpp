@@ -2,13 +2,13 @@
 
 // From the table of a survey to what laws are chosen for.
 //
-//   E D_k^2   measured ones smoothed by the fitted line of log2 E D_k^2, beyond them that line and its error
+//   E D_k^2   the posterior of the pilot's levels: measured, between measured ones, and beyond them
 //   block     of n members, n p_k at level k: Var D_k(n p_k) + (E D_k)^2 min(1, 1 / (4 n p_k))
 //   bound     variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m
 //
 //   Notation: p = law, n = block, Var D_k(c) = variance within c strata of the first number of a draw.
-// Levels that were hardly seen get what the fitted decay asks for, never less. Fails where the levels that were reached
-// are not yet typical of the deeper ones. The bound is for draws that share nothing and are not stratified themselves.
+// Levels that were hardly seen get what the posterior asks for, never less. Fails where the levels that were reached are
+// not yet typical of the deeper ones. The bound is for draws that share nothing and are not stratified themselves.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the law; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cstddef>
@@ -24,8 +24,8 @@
 
 namespace debias {
 
-/// Moments of level after level: the measured ones, smoothed by the fitted decay, and the deeper ones that it
-/// predicts. Level 0 is the value I_0.
+/// Moments of level after level: the measured ones, and the deeper ones that the posterior predicts. Level 0 is the value
+/// I_0.
 struct LevelModel {
   std::vector<double> variance;     ///< Var D_k
   std::vector<double> mean_square;  ///< (E D_k)^2
@@ -60,6 +60,6 @@ double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base
 
 /// The exponent of a law's tail beyond the levels that were measured: the best, (beta + gamma) / 2, or halfway to
 /// beta4 / 3 where the fourth moment can be finite.
-double tail_exponent_for(const MeasuredRates& rates);
+double tail_exponent_for(const Survey& survey);
 
 }  // namespace debias

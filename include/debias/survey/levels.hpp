@@ -27,6 +27,7 @@
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream_batch.hpp>
+#include <debias/statistics/evidence.hpp>
 
 namespace debias {
 
@@ -60,6 +61,7 @@ struct LevelRuns {
   /// its base. Empty where the members of a stratified block do not run together.
   std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)>
       together;
+  SequenceFacts facts{};  ///< what the sequence states of itself
 };
 
 namespace detail {
@@ -80,6 +82,8 @@ struct Several {
     a.flag -= b.flag;
     return a;
   }
+  /// The last of them: a survey keeps the tails of D_k.
+  friend double as_scalar(const Several& s) { return as_scalar(s.parts[n - 1]); }
   friend std::size_t component_count(const Several& s) { return n * component_count(s.parts[0]) + 1; }
   friend double component(const Several& s, std::size_t i) {
     const std::size_t each = component_count(s.parts[0]);
@@ -235,6 +239,9 @@ LevelRuns level_runs(const S& sequence) {
     return debias::estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
+  if constexpr (DeclaresRates<S>) runs.facts.declared = sequence.rates;
+  if constexpr (StatesExactFrom<S>) runs.facts.exact_from = sequence.exact_from;
+  if constexpr (StatesLimit<S>) runs.facts.constant_limit = sequence.limit == Limit::constant;
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return detail::shared_moments(debias::estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));

@@ -184,8 +184,13 @@ class Result(Report):
         return self._data.get("evidence", {}).get("variance", "unknown")
 
     @property
+    def grade(self) -> str:
+        """How far the verdict is to be trusted: "shown" (wrong once in 200), "likely" (once in 10), "open"."""
+        return self._data.get("evidence", {}).get("grade", "open")
+
+    @property
     def reliable(self) -> bool:
-        """Can the interval be trusted? It takes a finite fourth moment, too."""
+        """Can the interval be trusted? Its variance is finite, and most of it was seen, in enough hits."""
         return self._data.get("evidence", {}).get("interval_reliable", False)
 
     @property
@@ -217,6 +222,11 @@ class Diagnosis(Report):
     @property
     def verdict(self) -> str:
         return (self._data["verdict"] or {}).get("variance", "unknown")
+
+    @property
+    def grade(self) -> str:
+        """How far the verdict is to be trusted: "shown", "likely", "open"."""
+        return (self._data["verdict"] or {}).get("grade", "open")
 
     @property
     def largest(self) -> np.ndarray:

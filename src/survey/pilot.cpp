@@ -1,0 +1,125 @@
+#include "survey/pilot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/ranks.hpp"
+#include "core/text.hpp"
+
+namespace debias {
+namespace {
+
+constexpr std::int64_t contiguous = 8;
+constexpr double fewest_draws = 64;
+constexpr std::int64_t most_draws = std::int64_t{1} << 20;
+constexpr double growing = 0.25;  // octaves of work a level: every level then counts
+constexpr double patience = 20;   // seconds for one level whose stated work does not explain them
+constexpr double unexplained = 64;
+
+bool is_length_error(const std::exception& e) {
+  try {
+    std::rethrow_if_nested(e);
+  } catch (const std::length_error&) {
+    return true;
+  } catch (...) {
+  }
+  return false;
+}
+
+double of_both(const std::pair<double, double>& work) { return std::max(work.first, work.second); }
+
+}  // namespace
+
+std::pair<double, double> Pilot::work_of(std::int64_t level) {
+  const auto known = work_of_.find(level);
+  if (known != work_of_.end()) return known->second;
+  return work_of_[level] = runs_.work(level, plan_);
+}
+
+void Pilot::grow(double work, std::int64_t deepest) {
+  std::vector<std::int64_t> levels;
+  deepest = std::min(deepest, runs_.deepest_level);
+  for (std::int64_t k = 0; k <= deepest && (end_ < 0 || k < end_);) {
+    try {
+      const double each = of_both(work_of(k));
+      const bool is_new = drawn_.find(k) == drawn_.end();
+      if (is_new && k > 2 && fewest_draws * each > work / static_cast<double>(levels.size() + 1)) break;
+    } catch (const std::length_error&) {
+      if (levels.size() < 2) throw;
+      end_ = k;
+      break;
+    }
+    levels.push_back(k);
+    std::int64_t step = 1;
+    if (k >= contiguous) {
+      const double growth = std::log2(of_both(work_of(k)) / of_both(work_of(k / 2))) / static_cast<double>(k - k / 2);
+      if (growth < growing)
+        step = std::max<std::int64_t>(
+            1, static_cast<std::int64_t>(std::exp2(std::floor(std::log2(static_cast<double>(k) / 4)))));
+    }
+    k += step;
+  }
+  double left = std::max(0.0, work - work_);
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const double each = of_both(work_of(levels[i]));
+    const auto found = drawn_.find(levels[i]);
+    const std::int64_t have = found == drawn_.end() ? 0 : found->second.samples;
+    const double share = left / static_cast<double>(levels.size() - i);
+    const double more = std::min(share / each, static_cast<double>(most_draws - have));
+    std::int64_t draws = have + static_cast<std::int64_t>(std::max(0.0, more));
+    if (have == 0) draws = std::max(draws, static_cast<std::int64_t>(fewest_draws));
+    if (draws <= have) continue;
+    try {
+      draw(levels[i], draws);
+    } catch (const SampleError& e) {
+      if (drawn_.size() < 2 || !is_length_error(e)) throw;
+      end_ = levels[i];
+      break;
+    }
+    const double spent = static_cast<double>(draws - have) * each;
+    work_ += spent;
+    left = std::max(0.0, left - spent);
+  }
+}
+
+void Pilot::draw(std::int64_t level, std::int64_t draws) {
+  Plan part = plan_;
+  part.samples = draws;
+  part.save = {};
+  part.earlier = {};
+  part.pilot = {};
+  part.whole = 0;
+  const auto found = drawn_.find(level);
+  if (found != drawn_.end()) part.earlier = std::make_shared<RunState>(found->second.state);
+  drawn_[level] = runs_.draw(level, part);
+  check_time(level);
+}
+
+// The time of a level, beside that of the first ones, against its stated work.
+void Pilot::check_time(std::int64_t level) const {
+  const Statistics& here = drawn_.at(level);
+  if (plan_.ranks != nullptr || here.seconds < patience) return;
+  double least = std::numeric_limits<double>::infinity();  // seconds for a unit of work
+  for (const auto& [k, s] : drawn_) {
+    if (k < level && s.seconds > 0)
+      least = std::min(least, s.seconds / (static_cast<double>(s.samples) * of_both(work_of_.at(k))));
+  }
+  const double each = here.seconds / static_cast<double>(here.samples);
+  if (!(each / of_both(work_of_.at(level)) > unexplained * least)) return;
+  throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + format("%.2g", each) +
+                              " seconds (its stated work is " + format("%.4g", of_both(work_of_.at(level))) +
+                              ", and shallower levels state as much for a small part of that time); state the work of "
+                              "a draw, the last argument of base and coupled");
+}
+
+Survey Pilot::concluded(bool budget_spent) const {
+  std::vector<SurveyRow> rows;
+  for (const auto& [level, s] : drawn_) rows.push_back(row_of(s, level, work_of_.at(level)));
+  return conclude(std::move(rows), plan_.seed, runs_.facts, budget_spent);
+}
+
+}  // namespace debias

@@ -1,0 +1,43 @@
+#pragma once
+
+// Draws of levels that grow from stage to stage: each level about the same work, nothing drawn twice.
+//
+//   levels 0 ... 8, then every level where the work grows by powers of 2, else four an octave
+//
+// A level is drawn while the budget leaves it 64 draws beside the others. Stops before a level that the sequence refuses
+// (std::length_error).
+
+#include <cstdint>
+#include <map>
+#include <utility>
+
+#include <debias/survey.hpp>
+
+namespace debias {
+
+class Pilot {
+ public:
+  Pilot(const LevelRuns& runs, const Plan& plan) : runs_(runs), plan_(plan) {}
+
+  /// Draws until the levels up to `deepest` have cost `work` in all.
+  void grow(double work, std::int64_t deepest);
+  /// What the levels say. `budget_spent`: a no may be said.
+  [[nodiscard]] Survey concluded(bool budget_spent) const;
+  /// Of all draws so far.
+  [[nodiscard]] double work() const { return work_; }
+  [[nodiscard]] std::int64_t levels() const { return static_cast<std::int64_t>(drawn_.size()); }
+
+ private:
+  std::pair<double, double> work_of(std::int64_t level);
+  void draw(std::int64_t level, std::int64_t draws);
+  void check_time(std::int64_t level) const;
+
+  const LevelRuns& runs_;
+  Plan plan_;
+  std::map<std::int64_t, Statistics> drawn_;
+  std::map<std::int64_t, std::pair<double, double>> work_of_;
+  double work_ = 0;
+  std::int64_t end_ = -1;  // the first level that the sequence refuses; -1: none known
+};
+
+}  // namespace debias
