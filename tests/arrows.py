@@ -6,7 +6,8 @@
   python3 tests/arrows.py --check    exit code 1 where CONTRIBUTING.md shows another, or where arrows form a ring
 
 A room is a folder of include/debias and of src with the same name; headers and sources that stand in no folder are
-the room `modules`. An arrow that follows from two others is not drawn.
+the room `modules`; `core` stands for core and statistics, which judge each other's results. An arrow that follows from two
+others is not drawn.
 """
 import pathlib
 import re
@@ -22,7 +23,7 @@ def room_of(path):
     parts = path.split("/")
     if len(parts) == 1:
         return pathlib.Path(path).stem if pathlib.Path(path).stem in rooms else "modules"
-    return "modules" if parts[0] in module_folders else parts[0]
+    return "modules" if parts[0] in module_folders else "core" if parts[0] == "statistics" else parts[0]
 
 
 files = [p for top in ("include/debias", "src") for p in sorted((root / top).rglob("*.[hc]pp"))]

@@ -10,6 +10,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
+    core/verdict) echo 'core/.*|statistics/evidence' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/reach) echo 'core/.*|pmf/.*' ;;
@@ -26,17 +27,17 @@ may_include() {
     # the laws of published schedules
     transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
-    survey | survey/*) echo 'core/.*|survey|survey/levels' ;;
+    survey | survey/*) echo 'core/.*|statistics/evidence|survey|survey/.*' ;;
     diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
-    recipe | recipe/*) echo 'recipe/.*|core/.*|pmf/.*|estimators/.*|survey|diagnostics' ;;
+    recipe | recipe/*) echo 'recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;
     render/*) echo '(core|estimators|render)/.*|diagnostics|photon|transmittance' ;;
-    commands/*) echo '(core|numbers|pmf|survey|recipe|validation|render|commands)/.*|[a-z_]*' ;;
+    commands/*) echo '(core|statistics|numbers|pmf|survey|recipe|validation|render|commands)/.*|[a-z_]*' ;;
     # siblings: neither sees the other
     cli/*) echo '(core|numbers|commands|validation|render|cli)/.*|[a-z_]*' ;;
     python/*) echo '(core|pmf|estimators|survey|catalog|commands|python)/.*|[a-z_]*' ;;
