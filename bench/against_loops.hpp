@@ -51,7 +51,7 @@ Loop<Sample> loop(const Sample& sample) {
 
 namespace plain {
 
-/// A function of E X by doubling independent draws: geometric law with parameter r, base(x) averaged over all draws,
+/// A function of E X by doubling independent draws: geometric PMF with parameter r, base(x) averaged over all draws,
 /// and gap(n, mean, half the difference of the halves) of n draws weighted.
 template <class X, class BaseOf, class GapOf>
 double doubling(const X& x, const BaseOf& base, const GapOf& gap, double r, Stream& order, Stream& points) {
@@ -98,7 +98,7 @@ inline double walk(double survival, Stream& order, Stream& points) {
 template <class Plain>
 auto with_two_streams(const Plain& plain) {
   return [&plain](Stream& rng) {
-    Stream order = split(rng, Branch::law);
+    Stream order = split(rng, Branch::pmf);
     Stream points = split_level(rng, 0);
     return plain(order, points);
   };

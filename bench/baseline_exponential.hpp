@@ -15,7 +15,7 @@ inline Stream points_of_level(const Stream& order, const Stream& points, int lev
   return &order == &points ? Stream(order) : split_level(points, level);
 }
 
-/// A level and its mass under a geometric law with parameter r, by going through the levels.
+/// A level and its mass under a geometric PMF with parameter r, by going through the levels.
 struct DrawnLevel {
   int level;
   double mass;
@@ -124,7 +124,7 @@ double u_statistics(const F& f, int comb, Stream& order, Stream& points) {
   return total / (n + 1);
 }
 
-/// Telescoping comb for g(integral of f) with g(m) and gap(m, d) = g(m) - (g(m + d) + g(m - d)) / 2: geometric law
+/// Telescoping comb for g(integral of f) with g(m) and gap(m, d) = g(m) - (g(m + d) + g(m - d)) / 2: geometric PMF
 /// with parameter r, the base averaged over all combs of 2^base points.
 template <class F, class G>
 double telescoping_comb(const F& f, const G& g, int base, double r, Stream& order, Stream& points) {

@@ -1,5 +1,5 @@
 // Every estimator of the catalogue on every problem, ranked by efficiency = 1 / (variance x seconds a sample):
-// catalog/A10/single_term, ... and catalog/A10/blocks of 64. One thread, 2^17 samples, the default law.
+// catalog/A10/single_term, ... and catalog/A10/blocks of 64. One thread, 2^17 samples, the default PMF.
 
 #include <cmath>
 #include <stdexcept>
@@ -36,13 +36,13 @@ const bool registered = [] {
     for (const catalog::Method method : problem.methods) {
       if (method == catalog::Method::truncated) continue;  // biased: variance alone ranks it wrongly
       try {
-        const catalog::Choice choice{method, default_law(problem, method), problem.lowest_base};
+        const catalog::Choice choice{method, default_pmf(problem, method), problem.lowest_base};
         add(problem, std::string(name_of(method)), choice);
         if (method != catalog::Method::single_term) continue;
         catalog::Choice blocks = choice;
         blocks.block = 64;
         add(problem, "blocks of 64", blocks);
-      } catch (const std::invalid_argument&) {  // no law has finite variance and finite work
+      } catch (const std::invalid_argument&) {  // no PMF has finite variance and finite work
       }
     }
     for (const catalog::Special& special : problem.specials) add(problem, special.name, {.special = special.name});

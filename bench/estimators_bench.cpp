@@ -22,7 +22,7 @@ void run(benchmark::State& state, const catalog::Problem& problem, const catalog
 const bool registered = [] {
   for (const catalog::Problem& problem : catalog::problems()) {
     for (const catalog::Choice& choice : validation::choices(problem)) {
-      if (choice.special.empty() && !law_exists(problem.rates)) continue;
+      if (choice.special.empty() && !pmf_exists(problem.rates)) continue;
       const std::string name =
           problem.name + "/" + std::string(catalog::name_of(choice)) + "/base_" + std::to_string(choice.base_level);
       benchmark::RegisterBenchmark(name.c_str(), [&problem, choice](benchmark::State& state) {

@@ -35,10 +35,10 @@ namespace {
 template <class F>
 void register_comb(double tau) {
   const F f(tau);
-  const Geometric law = Geometric::with_exponent(2.5);
+  const Geometric pmf = Geometric::with_exponent(2.5);
   register_comparison(std::string("telescoping_comb/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau)),
-                      single_term(function_of_integral(f, functions::ExpMinus{}), law, {.base_level = 2}),
-                      [f, r = law.mass(0), base = 2](Stream& n, Stream& at) {
+                      single_term(function_of_integral(f, functions::ExpMinus{}), pmf, {.base_level = 2}),
+                      [f, r = pmf.mass(0), base = 2](Stream& n, Stream& at) {
                         return plain::telescoping_comb(f, functions::ExpMinus{}, base, r, n, at);
                       });
 }

@@ -17,7 +17,7 @@ os.environ |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": 
 cases = ["E02 --samples 8000000", "F01 --samples 8000000"]
 
 def measure(ranks, words):
-    """Seconds of the run as it says, processor time of the command, and the exponent of the law: that of the work."""
+    """Seconds of the run as it says, processor time of the command, and the exponent of the PMF: that of the work."""
     command = [mpiexec, "-n", str(ranks)] if ranks > 1 else []
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     out = subprocess.run([*command, program, "run", *words.split(), "--threads", "1", "--json"], check=True,

@@ -47,7 +47,7 @@ double plain_series(const X& x, double a, double s, Stream& order, Stream& point
   return sum;
 }
 
-/// Doubling of 1 / max(mean, scale 2^-(level + 1)), geometric law with parameter r.
+/// Doubling of 1 / max(mean, scale 2^-(level + 1)), geometric PMF with parameter r.
 template <class X>
 double plain_clamped(const X& x, double scale, double r, Stream& order, Stream& points) {
   const auto base = [scale](double value) { return 1 / std::fmax(value, scale / 2); };

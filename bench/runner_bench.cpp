@@ -1,4 +1,4 @@
-// The runner against a hand-written loop with the same generator, law, draws and statistics.
+// The runner against a hand-written loop with the same generator, PMF, draws and statistics.
 // Counters: ratio (time of estimate / time of the loop, median of 15 alternating rounds, one thread), ns per
 // sample of both, variance and efficiency of the estimate.
 
@@ -103,8 +103,8 @@ struct Skeleton {
 
 template <class S>
 void runner(benchmark::State& state, const S& sequence) {
-  const Geometric law(0.6);
-  const auto estimator = single_term(sequence, law);
+  const Geometric pmf(0.6);
+  const auto estimator = single_term(sequence, pmf);
   double ours = 0;
   double theirs = 0;
   Statistics statistics;
@@ -116,15 +116,15 @@ void runner(benchmark::State& state, const S& sequence) {
     HandStatistics kept;
     for (std::int64_t i = 0; i < samples; ++i) {
       const Stream rng(7, static_cast<std::uint64_t>(i));
-      Stream law_stream = split(rng, Branch::law);
-      const std::int64_t level = 1 + law.sample(law_stream.uniform());
+      Stream pmf_stream = split(rng, Branch::pmf);
+      const std::int64_t level = 1 + pmf.sample(pmf_stream.uniform());
       Stream base_stream = split_level(rng, 0);
       Stream level_stream = split_level(rng, level);
       const Draw<double> base = sequence(0, base_stream);
       const Draw<double> draw = sequence(level, level_stream);
       kept.level(0, base.value, base.work);
       kept.level(level, draw.difference, draw.work);
-      kept.add(i, base.value + draw.difference / law.mass(level - 1), base.work + draw.work);
+      kept.add(i, base.value + draw.difference / pmf.mass(level - 1), base.work + draw.work);
     }
     theirs = kept.mean();
   };

@@ -45,22 +45,22 @@ double difference(int level, Stream& rng) {
 int plain_level(Stream& rng, double log_q) { return static_cast<int>(std::log(rng.uniform()) / log_q) + 1; }
 
 void plain_european() {
-  const Geometric law = Geometric::with_exponent(1.3);
-  const auto plain = [p = law.mass(0)](Stream& order, Stream& rng) {
+  const Geometric pmf = Geometric::with_exponent(1.3);
+  const auto plain = [p = pmf.mass(0)](Stream& order, Stream& rng) {
     const int level = plain_level(order, std::log1p(-p));
     const double base = call(step(100, 1, rng.normal()));
     return base + difference(level, rng) / (p * std::pow(1 - p, level - 1));
   };
-  register_comparison("milstein/european", single_term(milstein(stock, call), law), plain);
+  register_comparison("milstein/european", single_term(milstein(stock, call), pmf), plain);
 }
 void plain_lookback() {
-  const Geometric law = Geometric::with_exponent(1.3);
+  const Geometric pmf = Geometric::with_exponent(1.3);
   const auto bridge = [](double low, double from, double to, double b, double h, double u) {
     const double rise = to - from;
     return std::min(low, (from + to - std::sqrt(rise * rise - 2 * b * b * h * std::log(u))) / 2);
   };
   const auto pay = [](double end, double low) { return std::exp(-r) * (end - low); };
-  const auto plain = [p = law.mass(0), bridge, pay](Stream& order, Stream& rng) {
+  const auto plain = [p = pmf.mass(0), bridge, pay](Stream& order, Stream& rng) {
     const int level = plain_level(order, std::log1p(-p));
     const double end = step(100, 1, rng.normal());
     const double base = pay(end, bridge(1e300, 100, end, sigma * 100, 1, rng.uniform()));
@@ -89,7 +89,7 @@ void plain_lookback() {
     return base + (pay(fine, fine_low) - pay(coarse, coarse_low)) / (p * std::pow(1 - p, level - 1));
   };
   const auto payoff = [](const Minimum& path) { return std::exp(-r) * (path.terminal - path.minimum); };
-  register_comparison("milstein/lookback", single_term(milstein(stock, Minimum{}, payoff), law), plain);
+  register_comparison("milstein/lookback", single_term(milstein(stock, Minimum{}, payoff), pmf), plain);
 }
 
 // ---- to a standard error, pilot included

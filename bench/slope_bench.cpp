@@ -2,7 +2,7 @@
 //
 //   slope          of log |error| over log N, fitted to N = 10^2 ... 10^6, one thread
 //   slope_of_time  over log seconds: steeper, since a run has a fixed cost, that of `fixed_us` microseconds
-//   predicted      -1/2; for a law whose samples have tail index alpha < 2: -(1 - 1 / alpha)   [stable laws, Feller 1971]
+//   predicted      -1/2; for a PMF whose samples have tail index alpha < 2: -(1 - 1 / alpha)   [stable laws, Feller 1971]
 //
 // The error is a root mean square over seeds where the variance is finite, a median of |error| where it is not.
 
@@ -40,7 +40,7 @@ double slope_of(const std::vector<double>& x, const std::vector<double>& y) {
 }
 
 /// `alpha` is the tail index of a sample: infinity stands for a finite variance.
-void slope(benchmark::State& state, const char* id, const AnyPmf& law, double alpha) {
+void slope(benchmark::State& state, const char* id, const AnyPmf& pmf, double alpha) {
   const catalog::Problem& problem = catalog::find(id);
   const bool finite = std::isinf(alpha);
   std::vector<double> log_samples;
@@ -53,7 +53,7 @@ void slope(benchmark::State& state, const char* id, const AnyPmf& law, double al
       double seconds = 0;
       double squares = 0;
       for (int seed = 1; seed <= seeds; ++seed) {
-        const Statistics s = problem.run({.law = law, .base_level = problem.lowest_base},
+        const Statistics s = problem.run({.pmf = pmf, .base_level = problem.lowest_base},
                                          {.samples = samples, .seed = static_cast<std::uint64_t>(seed), .threads = 1});
         const double error = s.components.front().mean - problem.truth;
         errors.push_back(std::abs(error));
@@ -74,13 +74,13 @@ void slope(benchmark::State& state, const char* id, const AnyPmf& law, double al
   state.counters["predicted"] = finite ? -0.5 : -(1 - 1 / alpha);
 }
 
-void add(const char* id, const AnyPmf& law, double alpha = std::numeric_limits<double>::infinity()) {
+void add(const char* id, const AnyPmf& pmf, double alpha = std::numeric_limits<double>::infinity()) {
   benchmark::RegisterBenchmark((std::string("slope/") + id).c_str(),
-                               [=](benchmark::State& state) { slope(state, id, law, alpha); })
+                               [=](benchmark::State& state) { slope(state, id, pmf, alpha); })
       ->Iterations(1)
       ->Unit(benchmark::kSecond);
 }
-void add(const char* id) { add(id, default_law(catalog::find(id))); }
+void add(const char* id) { add(id, default_pmf(catalog::find(id))); }
 
 /// The most memory that this process has had, in MB.
 double peak_memory() {
@@ -97,7 +97,7 @@ double peak_memory() {
 
 void memory(benchmark::State& state) {
   const catalog::Problem& problem = catalog::find("D01");
-  const catalog::Choice choice{.law = default_law(problem)};
+  const catalog::Choice choice{.pmf = default_pmf(problem)};
   for (auto _ : state) {
     problem.run(choice, {.samples = 1'000'000});
     state.counters["MB_after_1e6"] = peak_memory();

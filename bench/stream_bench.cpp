@@ -1,4 +1,4 @@
-// Random numbers and laws, nanoseconds for one (`ns`): stream/..., law/...
+// Random numbers and PMFs, nanoseconds for one (`ns`): stream/..., pmf/...
 
 #include <array>
 #include <cstdint>
@@ -86,11 +86,11 @@ const bool registered = [] {
     vector_math::sin(numbers);
   });
   for (const char* spec : {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=4", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
-    const AnyPmf law = AnyPmf::parse(spec);
-    time(std::string("law/") + spec, 4096, [law](std::uint64_t i) {
+    const AnyPmf pmf = AnyPmf::parse(spec);
+    time(std::string("pmf/") + spec, 4096, [pmf](std::uint64_t i) {
       static std::array<double, 4096> u;
       Stream(1, i).fill(u);
-      for (std::size_t k = 0; k < u.size(); ++k) numbers[k] = static_cast<double>(law.sample(u[k]));
+      for (std::size_t k = 0; k < u.size(); ++k) numbers[k] = static_cast<double>(pmf.sample(u[k]));
     });
   }
   return true;

@@ -24,7 +24,7 @@
 namespace debias::bench {
 namespace {
 
-const BhanotKennedy order_law(0.9, 2, 2);
+const BhanotKennedy order_pmf(0.9, 2, 2);
 const functions::ExpMinus exp_minus;
 
 // ---- ours against plain loops
@@ -43,7 +43,7 @@ void register_comparisons(double tau) {
                       [f, a](Stream& n, Stream& at) { return plain::p_series_cumulative(f, a, n, at); });
   register_comparison("p_series_cmf" + where, roulette(series, IndexRoulette(a), {.base_level = k}),
                       [f, a, k](Stream& n, Stream& at) { return plain::p_series_cmf(f, a, k, n, at); });
-  register_comparison("u_statistics" + where, taylor_sum(comb_mean(f, 12), exp_minus, drawn_pivot, order_law),
+  register_comparison("u_statistics" + where, taylor_sum(comb_mean(f, 12), exp_minus, drawn_pivot, order_pmf),
                       [f](Stream& n, Stream& at) { return plain::u_statistics(f, 12, n, at); });
 }
 
@@ -82,9 +82,9 @@ void add_rows(Table& table, double tau) {
       "p-series CMF", roulette(series, IndexRoulette(a), {.base_level = k}),
       [f, a, k](Stream& n, Stream& at) { return plain::p_series_cmf(f, a, k, n, at); }, truth, 1);
   for (const int lookups : {8, 16, 32}) {
-    const int comb = static_cast<int>(std::lround(lookups / (1 + order_law.mean())));
+    const int comb = static_cast<int>(std::lround(lookups / (1 + order_pmf.mean())));
     const Cell pivoted = measure_against(
-        "U-statistics", taylor_sum(comb_mean(f, comb), exp_minus, drawn_pivot, order_law),
+        "U-statistics", taylor_sum(comb_mean(f, comb), exp_minus, drawn_pivot, order_pmf),
         [f, comb](Stream& n, Stream& at) { return plain::u_statistics(f, comb, n, at); }, truth);
     // E 2^(1 + J) = 2 r / (2 r - 1) times the base size: 8/3 for r = 4/5, and 4 for r = 2/3
     const Folded<F> unit{f, 3 * lookups / 8};

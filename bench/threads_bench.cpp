@@ -53,7 +53,7 @@ double speedup_by(const std::vector<double>& chunks, std::size_t threads) {
 void threads(benchmark::State& state, const char* problem, catalog::Choice choice, std::int64_t samples) {
   const catalog::Problem& p = catalog::find(problem);
   const bool even = choice.method == catalog::Method::truncated;
-  if (!even) choice.law = catalog::default_law(p);
+  if (!even) choice.pmf = catalog::default_pmf(p);
   Statistics one;
   Statistics two;
   double one_cpu = 0;
@@ -72,7 +72,7 @@ void threads(benchmark::State& state, const char* problem, catalog::Choice choic
   }
   if (one.components[0].mean != two.components[0].mean) state.SkipWithError("other bits on two threads");
   state.counters["tail_of_work"] =
-      even ? std::numeric_limits<double>::infinity() : choice.law.tail_exponent().exponent / p.rates.work;
+      even ? std::numeric_limits<double>::infinity() : choice.pmf.tail_exponent().exponent / p.rates.work;
   const std::vector<double> chunks = chunk_seconds(p, choice, samples);
   state.counters["chunks"] = static_cast<double>(chunks.size());
   state.counters["speedup_by_chunks"] = speedup_by(chunks, 2);

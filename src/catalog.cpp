@@ -70,8 +70,8 @@ Rates rates_of(const Problem& problem, Method method) {
   return sums ? rates_of_sum(problem.rates) : problem.rates;
 }
 
-AnyPmf default_law(const Problem& problem, Method method) {
-  if (problem.law) return *problem.law;
+AnyPmf default_pmf(const Problem& problem, Method method) {
+  if (problem.pmf) return *problem.pmf;
   const double exponent = default_exponent(rates_of(problem, method));
   if (problem.rates.decay == Decay::polynomial) return AnyPmf(Zeta(exponent));
   return AnyPmf(Geometric::with_exponent(exponent));

@@ -33,7 +33,7 @@ std::string_view describe(Method method);
 Method method_of(std::string_view name);
 const std::vector<Method>& methods();
 
-/// A method that some problems have for themselves, without a law or a level to choose: p_series_cumulative.
+/// A method that some problems have for themselves, without a PMF or a level to choose: p_series_cumulative.
 struct Special {
   std::string name;
   std::string description;
@@ -44,7 +44,7 @@ struct Special {
 /// One way to run a problem.
 struct Choice {
   Method method = Method::single_term;
-  AnyPmf law = AnyPmf(Geometric(0.5));  ///< not used by Method::truncated
+  AnyPmf pmf = AnyPmf(Geometric(0.5));  ///< not used by Method::truncated
   std::int64_t base_level = 0;
   std::string special = {};  ///< the name of a special method: the rest does not matter then
   std::int64_t block = 1;    ///< members of a systematically stratified block, which is one sample
@@ -61,7 +61,7 @@ struct Problem {
   std::string formula;  ///< the estimand and its exact value, in words or symbols
   Rates rates{};
   std::int64_t lowest_base = 0;  ///< below it a level has no finite fourth moment
-  std::optional<AnyPmf> law;     ///< where the rates alone would choose badly
+  std::optional<AnyPmf> pmf;     ///< where the rates alone would choose badly
 
   std::vector<Method> methods;
   std::vector<Special> specials;
@@ -75,9 +75,9 @@ struct Problem {
 /// The rates that count for a method: a sum pays for all levels up to its last one.
 Rates rates_of(const Problem& problem, Method method);
 
-/// The law of the problem, or the one that its declared rates ask for.
-/// Throws std::invalid_argument where no law has finite variance and finite work.
-AnyPmf default_law(const Problem& problem, Method method = Method::single_term);
+/// The PMF of the problem, or the one that its declared rates ask for.
+/// Throws std::invalid_argument where no PMF has finite variance and finite work.
+AnyPmf default_pmf(const Problem& problem, Method method = Method::single_term);
 
 /// All problems, in the order of their ids.
 const std::vector<Problem>& problems();

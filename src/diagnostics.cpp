@@ -13,11 +13,11 @@
 namespace debias {
 namespace {
 
-// The rho of the law in the unit in which the rates count: a law that falls geometrically is infinitely steep
+// The rho of the PMF in the unit in which the rates count: a PMF that falls geometrically is infinitely steep
 // on a polynomial scale, a power law infinitely flat on a geometric one.
-double exponent_beside(const Rates& rates, const TailExponent& law) {
-  if (rates.decay == law.decay || std::isinf(law.exponent)) return law.exponent;
-  return law.decay == Decay::geometric ? std::numeric_limits<double>::infinity() : 0.0;
+double exponent_beside(const Rates& rates, const TailExponent& pmf) {
+  if (rates.decay == pmf.decay || std::isinf(pmf.exponent)) return pmf.exponent;
+  return pmf.decay == Decay::geometric ? std::numeric_limits<double>::infinity() : 0.0;
 }
 
 // E|Z|^q = sum p E|D|^q p^(-q) is finite iff q < 1 / xi.
@@ -53,7 +53,7 @@ Finiteness opposite(Finiteness f) {
 
 // Nothing that falls faster than any rate can be told from another such thing by rates.
 constexpr const char* beyond_rates =
-    "differences and law both fall faster than any rate: it is finite iff sum E D_k^2 / p_k converges, which "
+    "differences and PMF both fall faster than any rate: it is finite iff sum E D_k^2 / p_k converges, which "
     "the "
     "levels of a run show";
 
@@ -66,9 +66,9 @@ std::string with_error_of(const FittedRate& rate) {
 
 }  // namespace
 
-MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
+MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& pmf) {
   const Rates rates = rates_of(measured);
-  const double rho = exponent_beside(rates, law);
+  const double rho = exponent_beside(rates, pmf);
   const bool polynomial = rates.decay == Decay::polynomial;
   const double step = polynomial ? 1 : 0;
   MeasuredVerdict v;
@@ -79,7 +79,7 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
   if (v.variance != Finiteness::finite) v.fourth_moment = v.variance;
   // A power law beside work that does not grow: every depth is paid for.
   const bool flat = !polynomial && measured.work.value <= confidence_of_rates * measured.work.error;
-  v.work = flat && law.decay == Decay::polynomial
+  v.work = flat && pmf.decay == Decay::polynomial
                ? Finiteness::finite
                : opposite(finite_below(rho, measured.work.value + step, measured.work.error));
   v.tail_index = tail_index(rates, rho);
@@ -87,15 +87,15 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& law) {
     v.error = measured.variance.error / 2 / (rho - step);
   }
 
-  std::string text = std::string("variance ") + name_of(v.variance) + " (law exponent " + exponent_text(rho) +
+  std::string text = std::string("variance ") + name_of(v.variance) + " (PMF exponent " + exponent_text(rho) +
                      ", threshold " + with_error_of({measured.variance.value - step, measured.variance.error}) +
                      "), work " + name_of(v.work) + " (threshold " +
                      with_error_of({measured.work.value + step, measured.work.error}) + "), tail index " +
                      with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
-    text += ": the standard error is too small most of the time; take a law with a smaller exponent";
+    text += ": the standard error is too small most of the time; take a PMF with a smaller exponent";
   } else if (v.work == Finiteness::infinite) {
-    text += ": no run ends its expected work; take a law with a larger exponent";
+    text += ": no run ends its expected work; take a PMF with a larger exponent";
   } else if (!decided) {
     text += std::string(": ") + beyond_rates;
   } else if (v.variance == Finiteness::undecided || v.work == Finiteness::undecided) {
@@ -171,9 +171,9 @@ Interval batch_interval(std::span<const double> batch_means, double confidence) 
   return interval_of(moments, confidence);
 }
 
-Verdict judge(const Rates& rates, const TailExponent& law) {
+Verdict judge(const Rates& rates, const TailExponent& pmf) {
   const ExponentRange range = finite_exponents(rates);
-  const double rho = exponent_beside(rates, law);
+  const double rho = exponent_beside(rates, pmf);
   Verdict v;
   v.finite_variance = std::isinf(rates.variance) || rho < range.high;
   // Beside geometric rates a power law reaches every depth too often, unless the work does not grow.
@@ -186,7 +186,7 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
   std::string text;
   const std::string exponent = exponent_text(rho);
   if (v.decided) {
-    text += std::string(v.finite_variance ? "variance finite" : "variance INFINITE") + " (law exponent " + exponent +
+    text += std::string(v.finite_variance ? "variance finite" : "variance INFINITE") + " (PMF exponent " + exponent +
             (v.finite_variance ? " < " : " >= ") + exponent_text(range.high) + "), ";
   } else {
     text += std::string("variance undecided by rates (") + beyond_rates + "), ";
@@ -198,11 +198,11 @@ Verdict judge(const Rates& rates, const TailExponent& law) {
     text +=
         v.finite_variance ? ": no run ends its expected work" : ": the standard error is too small most of the time";
     if (std::isinf(range.high)) {
-      text += "; take a law with an exponent above " + format("%.3g", range.low);
+      text += "; take a PMF with an exponent above " + format("%.3g", range.low);
     } else if (range.low < range.high) {
-      text += "; take a law with exponent between " + format("%.3g", range.low) + " and " + format("%.3g", range.high);
+      text += "; take a PMF with exponent between " + format("%.3g", range.low) + " and " + format("%.3g", range.high);
     } else {
-      text += "; no law has both finite";
+      text += "; no PMF has both finite";
     }
   } else if (v.tail_index >= 0.25) {
     text += ": the fourth moment is infinite, so the standard error converges slowly";

@@ -33,10 +33,10 @@ constexpr double fewest_blocks = 2048;
 constexpr double fewest_together = 1024;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
-constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a law holds
-constexpr double narrow = 0.05;           // of the work's exponent, for the law with finite work where none has both
-constexpr double price_of_fourth = 1.02;  // that a law with a finite fourth moment may cost
-constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its law can draw them, too
+constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
+constexpr double narrow = 0.05;           // of the work's exponent, for the PMF with finite work where none has both
+constexpr double price_of_fourth = 1.02;  // that a PMF with a finite fourth moment may cost
+constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its PMF can draw them, too
 constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
 constexpr double negligible = 1e-22;      // of a squared difference beside the squared value: no deeper base
 constexpr double most_cancelled = 0.01;   // that a variance of base and difference is trusted to leave of theirs
@@ -52,7 +52,7 @@ double rounded(double x, int digits) {
 
 }  // namespace
 
-bool Advice::usable() const { return survey.law_exists != Answer::no; }
+bool Advice::usable() const { return survey.pmf_exists != Answer::no; }
 
 namespace {
 
@@ -87,11 +87,11 @@ class Choice {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
         const TermMoments moments = moments_of(setup, shared_share);
-        const AnyPmf law = law_of(setup, moments);
-        const bool is_drawable = drawable(law, setup);
+        const AnyPmf pmf = pmf_of(setup, moments);
+        const bool is_drawable = drawable(pmf, setup);
         if (found_drawable && !is_drawable) continue;
         found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
-        const double product = price_of(moments, law);
+        const double product = price_of(moments, pmf);
         // A variance that was measured in n draws is not better than another one by its noise.
         const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
         if (found && !(product < (worthwhile - noise) * best)) continue;
@@ -114,12 +114,12 @@ class Choice {
   }
 
   // Variance x work over all levels: behind those of the model, powers of the level go on for long.
-  [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& law) const {
-    VarianceAndWork sums = predict(moments, law);
+  [[nodiscard]] double with_rest(const TermMoments& moments, const AnyPmf& pmf) const {
+    VarianceAndWork sums = predict(moments, pmf);
     if (survey_.evidence.polynomial) {
       const std::size_t last = moments.work.size() - 1;
-      const double p = law.mass(static_cast<std::int64_t>(last));
-      const double s = law.tail_exponent().exponent;
+      const double p = pmf.mass(static_cast<std::int64_t>(last));
+      const double s = pmf.tail_exponent().exponent;
       const double levels = static_cast<double>(last) + 1;
       sums.variance += (moments.variance[last] + moments.mean_square[last]) / p * levels / (range().high - s);
       sums.work += moments.work[last] * p * levels / (s - range().low);
@@ -134,12 +134,12 @@ class Choice {
   }
 
   // Variance x work. Where base and difference nearly cancel, what is left of the measured moments is their noise.
-  [[nodiscard]] static double price_of(const TermMoments& moments, const AnyPmf& law) {
-    VarianceAndWork net = predict(moments, law);
+  [[nodiscard]] static double price_of(const TermMoments& moments, const AnyPmf& pmf) {
+    VarianceAndWork net = predict(moments, pmf);
     if (!moments.covariance.empty()) {
       TermMoments gross = moments;
       gross.covariance.clear();
-      net.variance = std::max(net.variance, most_cancelled * predict(gross, law).variance);
+      net.variance = std::max(net.variance, most_cancelled * predict(gross, pmf).variance);
     }
     return net.product();
   }
@@ -159,20 +159,20 @@ class Choice {
     return term_moments(runs_, survey_, model_, setup, plan_, share);
   }
 
-  // A run of that many members is allowed to take the law, see core/reach.hpp.
-  [[nodiscard]] bool drawable(const AnyPmf& law, const Setup& setup) const {
+  // A run of that many members is allowed to take the PMF, see core/reach.hpp.
+  [[nodiscard]] bool drawable(const AnyPmf& pmf, const Setup& setup) const {
     struct Levels {
       std::int64_t deepest;
       [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
     };
-    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, law, setup.base_level, setup.first_level());
+    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, pmf, setup.base_level, setup.first_level());
     return reach.beyond <= allowed_beyond_;
   }
 
-  // The best law, or the one next to it that can be drawn, if one of finite variance can.
-  AnyPmf law_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
+  // The best PMF, or the one next to it that can be drawn, if one of finite variance can.
+  AnyPmf pmf_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
     const double exponent = tail_exponent_for(survey_);
-    const auto with = laws_of(setup, all);
+    const auto with = pmfs_of(setup, all);
     const AnyPmf best = with(exponent);
     if (drawable(best, setup)) return best;
     const double bound = range().high;
@@ -187,13 +187,13 @@ class Choice {
       const double middle = (low + high) / 2;
       (drawable(with(middle), setup) ? high : low) = middle;
     }
-    const AnyPmf law = with(high);
-    if (price != nullptr) *price = with_rest(all, law) / with_rest(all, best);
-    return law;
+    const AnyPmf pmf = with(high);
+    if (price != nullptr) *price = with_rest(all, pmf) / with_rest(all, best);
+    return pmf;
   }
 
-  // The law for an exponent of its tail.
-  [[nodiscard]] std::function<AnyPmf(double exponent)> laws_of(const Setup& setup, const TermMoments& all) const {
+  // The PMF for an exponent of its tail.
+  [[nodiscard]] std::function<AnyPmf(double exponent)> pmfs_of(const Setup& setup, const TermMoments& all) const {
     if (survey_.evidence.polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
     return tables_of(setup, all);
   }
@@ -223,7 +223,7 @@ class Choice {
     for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
     }
-    // A base that deep levels make quieter is worth its own variance at the first of them: else a law that draws
+    // A base that deep levels make quieter is worth its own variance at the first of them: else a PMF that draws
     // these for the sake of the base costs more than anyone asked for.
     if (!t.base_variance.empty()) {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
@@ -267,7 +267,7 @@ class Choice {
   static AnyPmf tabulated(std::vector<double> masses, double exponent) {
     // What no run will reach needs no entry.
     while (masses.size() > 1 && masses.back() < 1e-9) masses.pop_back();
-    // Short and readable, and the law that the text names is the law of the run.
+    // Short and readable, and the PMF that the text names is the PMF of the run.
     for (double& mass : masses) mass = rounded(mass, 3);
     return AnyPmf(Tabulated(std::move(masses), rounded(std::exp2(-exponent), 4)));
   }
@@ -278,9 +278,9 @@ class Choice {
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::always && runs_.shared;
     advice_.price = 1;
-    advice_.law = law_of(chosen_, moments, &advice_.price);
-    advice_.exponent = advice_.law.tail_exponent();
-    advice_.predicted = predict(moments, advice_.law);
+    advice_.pmf = pmf_of(chosen_, moments, &advice_.price);
+    advice_.exponent = advice_.pmf.tail_exponent();
+    advice_.predicted = predict(moments, advice_.pmf);
     advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     const double rho = advice_.exponent.exponent;
@@ -361,13 +361,13 @@ void describe_none(Advice& a) {
   const double work = e.exponential_work != polynomial ? e.work.value : 0;
   const double beta = e.decay.value;
   const double rho = work + narrow + (polynomial ? 1 : 0);
-  a.law = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
-  a.exponent = a.law.tail_exponent();
+  a.pmf = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
+  a.exponent = a.pmf.tail_exponent();
   const double excess = rho - beta / 2;
   a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
-  a.sentences.push_back("no law has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
+  a.sentences.push_back("no PMF has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
                         "): " + rate_text(a.survey));
-  std::string best = "the best with finite work is " + a.law.spec();
+  std::string best = "the best with finite work is " + a.pmf.spec();
   if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
   if (!polynomial && beta > 0 && work > 0) {
     best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
@@ -383,16 +383,16 @@ void describe_none(Advice& a) {
 void describe(Advice& a) {
   const Survey& s = a.survey;
   const double work = s.evidence.exponential_work != s.evidence.polynomial ? s.evidence.work.value : 0;
-  if (s.law_exists == Answer::yes) {
-    a.sentences.push_back("a law with finite variance and finite work exists (" + std::string(name_of(s.grade)) +
+  if (s.pmf_exists == Answer::yes) {
+    a.sentences.push_back("a PMF with finite variance and finite work exists (" + std::string(name_of(s.grade)) +
                           "): " + rate_text(s));
   } else {
-    a.sentences.push_back("open whether a law has finite variance and finite work: " + rate_text(s) +
+    a.sentences.push_back("open whether a PMF has finite variance and finite work: " + rate_text(s) +
                           "; the interval allows for levels that were not seen, more samples tell more");
   }
   const char* form = a.shares_base
                          ? ", made of the draws of the difference"
-                         : (a.base == Base::drawn ? ", one outcome of the law" : ", evaluated in every sample");
+                         : (a.base == Base::drawn ? ", one outcome of the PMF" : ", evaluated in every sample");
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
@@ -409,14 +409,14 @@ void describe(Advice& a) {
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments =
-      "the tail of the law falls like " +
+      "the tail of the PMF falls like " +
       (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
   if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
   if (a.price != 1) {
     a.sentences.push_back((a.deepest_level == deepest_of_all
                                ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
-                          std::string(": so that it hardly comes up, the law falls faster than the best one, at ") +
+                          std::string(": so that it hardly comes up, the PMF falls faster than the best one, at ") +
                           format("%.3g", a.price) + " times its variance x work");
   }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
@@ -505,7 +505,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       if (next.survey.rows.back().level < lowest + 2) {
         throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
                                     std::to_string(next.survey.rows.back().level) +
-                                    ", and a law needs two differences above the base); take a lower one");
+                                    ", and a PMF needs two differences above the base); take a lower one");
       }
       if (next.usable()) {
         next.runs_together = static_cast<bool>(runs.together);
@@ -528,10 +528,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
     const double limit = options.budget.value_or(std::max(run_work, 0.0));
     double wanted = 0;
-    if (advice.survey.law_exists != Answer::yes) {
+    if (advice.survey.pmf_exists != Answer::yes) {
       wanted = open_growth * budget;
     } else {
-      // A long run deserves a pilot that has seen more, for the sake of its law.
+      // A long run deserves a pilot that has seen more, for the sake of its PMF.
       wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
       if (advice.survey.grade != Grade::shown) {
         wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
@@ -540,10 +540,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     wanted = std::min(wanted, limit);
     const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
     if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
-      if (advice.survey.law_exists == Answer::open) advice = choose(true);
+      if (advice.survey.pmf_exists == Answer::open) advice = choose(true);
       break;
     }
-    if (advice.survey.law_exists != Answer::yes) deepest *= 4;
+    if (advice.survey.pmf_exists != Answer::yes) deepest *= 4;
     budget = wanted;
   }
   advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too

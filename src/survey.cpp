@@ -231,8 +231,8 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey) {
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
   out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean) << ", variance "
       << rate_text(m.variance) << ", fourth moment " << rate_text(m.fourth) << ", work " << rate_text(m.work) << '\n';
-  out << "a law with finite variance and finite work exists: " << name_of(survey.law_exists);
-  if (survey.law_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
+  out << "a PMF with finite variance and finite work exists: " << name_of(survey.pmf_exists);
+  if (survey.pmf_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
   out << '\n';
   for (const std::string& remark : survey.remarks) out << "remark: " << remark << '\n';
   return out;

@@ -38,20 +38,20 @@ TEST_CASE("every problem has an id and a name of its own, a finite truth, and at
   CHECK_THROWS_WITH(find("A1O"), Catch::Contains("A10"));
 }
 
-TEST_CASE("a law is refused exactly where no law has finite variance and finite work", "[catalog][exact]") {
+TEST_CASE("a PMF is refused exactly where no PMF has finite variance and finite work", "[catalog][exact]") {
   std::vector<std::string> refused;
   for (const Problem& p : problems()) {
-    if (!law_exists(p.rates)) {
+    if (!pmf_exists(p.rates)) {
       refused.push_back(p.id);
-      CHECK_THROWS_AS(default_law(p), std::invalid_argument);
+      CHECK_THROWS_AS(default_pmf(p), std::invalid_argument);
     } else {
-      CHECK_NOTHROW(default_law(p));
+      CHECK_NOTHROW(default_pmf(p));
     }
   }
   CHECK(refused == std::vector<std::string>{"C12", "E06"});
 }
 
-TEST_CASE("a refused cell says which rates leave no law", "[catalog][exact]") {
+TEST_CASE("a refused cell says which rates leave no PMF", "[catalog][exact]") {
   const std::map<std::string, std::string> reasons = {{"C12", "E D_k^2 ~ 2^(1 k), work ~ 2^(0 k)"},
                                                       {"E06", "E D_k^2 ~ 2^(-1 k), work ~ 2^(1 k)"}};
   for (const auto& [id, rates] : reasons) {
@@ -62,21 +62,21 @@ TEST_CASE("a refused cell says which rates leave no law", "[catalog][exact]") {
       if (cell.status != Status::refused) continue;
       ++refused;
       CHECK_FALSE(cell.has_run);
-      CHECK_THAT(cell.reason, Catch::Contains("no law has both finite variance and finite work: " + rates));
+      CHECK_THAT(cell.reason, Catch::Contains("no PMF has both finite variance and finite work: " + rates));
     }
     CHECK(refused == 4);
   }
 }
 
-TEST_CASE("every law that validation chooses has finite variance and finite work for its estimator",
+TEST_CASE("every PMF that validation chooses has finite variance and finite work for its estimator",
           "[catalog][exact]") {
   for (const Problem& p : problems()) {
     for (const Choice& choice : choices(p)) {
       if (!choice.special.empty() || choice.method == Method::truncated) continue;
       const Rates rates = rates_of(p, choice.method);
-      CAPTURE(p.id, name_of(choice), choice.law.spec());
-      if (!law_exists(rates)) continue;
-      const Verdict v = judge(rates, choice.law.tail_exponent());
+      CAPTURE(p.id, name_of(choice), choice.pmf.spec());
+      if (!pmf_exists(rates)) continue;
+      const Verdict v = judge(rates, choice.pmf.tail_exponent());
       CHECK(v.finite_variance);
       CHECK(v.finite_work);
     }
@@ -159,7 +159,7 @@ TEST_CASE("samples that cannot see a thick medium are called too few for every m
 
 TEST_CASE("a replay of the largest samples of a run gives their level and their bits", "[catalog][exact]") {
   for (const Problem& p : problems()) {
-    if (!law_exists(p.rates)) continue;
+    if (!pmf_exists(p.rates)) continue;
     for (const Choice& choice : choices(p)) {
       const Statistics run = p.run(choice, {.samples = 500, .seed = 11});
       REQUIRE_FALSE(run.largest.empty());

@@ -39,23 +39,23 @@ refused_by 2 "--threads = 'two'" run A01 --threads two
 refused_by 2 "--confidence = '95' .*did you mean '0.95'" run A01 --confidence 95
 refused_by 2 "--confidence = 'nan'" run A01 --confidence nan
 refused_by 2 "--confidence = '1'" run A01 --confidence 1
-refused_by 2 "--law: .*did you mean 'geometric'" run A01 --law geometrc:r=0.5
-refused_by 2 "--law: .*r = 1.5" run A01 --law geometric:r=1.5
-refused_by 2 "--law: .*follows the number" run A01 --law geometric:r=0.5x
-refused_by 2 "--law: " run A01 --law ''
-refused_by 2 "--law = 'zeta:s=2'" run A01 --estimator truncated --law zeta:s=2
+refused_by 2 "--pmf: .*did you mean 'geometric'" run A01 --pmf geometrc:r=0.5
+refused_by 2 "--pmf: .*r = 1.5" run A01 --pmf geometric:r=1.5
+refused_by 2 "--pmf: .*follows the number" run A01 --pmf geometric:r=0.5x
+refused_by 2 "--pmf: " run A01 --pmf ''
+refused_by 2 "--pmf = 'zeta:s=2'" run A01 --estimator truncated --pmf zeta:s=2
 refused_by 2 "did you mean 'single_term'" run A01 --estimator single-term
 refused_by 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
 refused_by 2 "--base-level = '-1'" run A01 --base-level -1
 refused_by 2 "levels are drawn from 100 on" run A01 --base-level 99
-refused_by 2 "no law has both" run E06
-refused_by 2 "no law has finite variance and finite work.*stable index" run E06 --law auto
-refused_by 2 "a replay needs the law itself" replay A01 --law auto --seed 1 --sample 1
-refused_by 2 "'roulette'" run D01 --law auto --estimator roulette
+refused_by 2 "no PMF has both" run E06
+refused_by 2 "no PMF has finite variance and finite work.*stable index" run E06 --pmf auto
+refused_by 2 "a replay needs the PMF itself" replay A01 --pmf auto --seed 1 --sample 1
+refused_by 2 "'roulette'" run D01 --pmf auto --estimator roulette
 refused_by 2 "--block = '0'" run A01 --block 0
 refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
 refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
-refused_by 2 "no law, base level or block" run A01 --estimator multilevel --error 0.1 --law zeta:s=2
+refused_by 2 "no PMF, base level or block" run A01 --estimator multilevel --error 0.1 --pmf zeta:s=2
 refused_by 2 "--error = '0'" run A01 --error 0
 refused_by 2 "--error = ''" run A01 --error ''
 refused_by 2 "--time = 'soon'" run A01 --time soon
@@ -83,9 +83,9 @@ refused_by 2 "'A01': it is of all" validate --report A01
 refused_by 2 "both" validate --report --hard
 refused_by 2 "leave it out" validate --report --checkpoint c
 refused_by 2 "--confidence" validate A01 --confidence 0.9
-refused_by 2 "write problems, estimators or laws" list everything
-refused_by 2 "did you mean 'laws'" list law
-refused_by 2 "'problems'" list laws problems
+refused_by 2 "write problems, estimators or pmfs" list everything
+refused_by 2 "did you mean 'PMFs'" list PMF
+refused_by 2 "'problems'" list pmfs problems
 refused_by 2 "is not a problem" run 'A01
 A03'
 
@@ -146,7 +146,7 @@ check "another JSON for another seed" eval '! cmp -s one many'
 
 # value_of KEY: of a JSON text with one key per line, the first one
 value_of() { sed -n "s/^ *\"$1\": \(.*[^,]\),*\$/\1/p" | head -n 1; }
-for options in '' '--block 16 --law geometric:r=0.6' '--estimator independent_sum --law geometric:r=0.6' \
+for options in '' '--block 16 --pmf geometric:r=0.6' '--estimator independent_sum --pmf geometric:r=0.6' \
   '--estimator single_term_drawn --base-level 2'; do
   "$debias" run A01 $options --samples 5000 --seed 9 --json > run.json
   sed -n '/"largest"/,$p' run.json > largest
@@ -168,20 +168,20 @@ check "a random seed is printed and can be used again" cmp -s random again
 "$debias" run A01 --samples 1 --json > out
 check "a single sample has no error" has '"standard_error": null' out
 check "a single sample says so" has '"status": "one_sample"' out
-"$debias" run E06 --law geometric:theta=0.9 --samples 100 --json > out 2> err
-check "an explicit law runs where none is good" same $? 0
+"$debias" run E06 --pmf geometric:theta=0.9 --samples 100 --json > out 2> err
+check "an explicit PMF runs where none is good" same $? 0
 check "and the verdict says so" has 'INFINITE' out
 
 # ---- recipes, goals, surveys and sweeps
-"$debias" run A10 --law auto --samples 1e5 --seed 4 --json > run.json 2> err
+"$debias" run A10 --pmf auto --samples 1e5 --seed 4 --json > run.json 2> err
 check "a recipe runs" same $? 0
 check "a recipe says what it chose" has '"recipe": {' run.json
-for key in law estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
+for key in PMF estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
 sed -n '/"largest"/,$p' run.json > largest
-"$debias" replay A10 --estimator "$estimator" --law "$law" --base-level "$(value_of base_level < run.json)" \
+"$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
-check "the law of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
-"$debias" run A10 --law auto --samples 1e4 > run.txt
+check "the PMF of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
+"$debias" run A10 --pmf auto --samples 1e4 > run.txt
 largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
 eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
 check "the replay that a recipe prints is a command" \
@@ -232,7 +232,7 @@ check "and are counted" has '^[0-9]* cases, 0 wrong without a word' out
 "$debias" validate --hard --samples 1e4 --json > hard.jsonl
 check "a hard case in JSON" has '"status":"said"' hard.jsonl
 
-for topic in problems estimators laws; do
+for topic in problems estimators pmfs; do
   "$debias" list $topic > out 2> err
   check "list $topic" [ "$(lines out)" -ge 4 -a "$(lines err)" -eq 0 ]
 done
@@ -246,9 +246,9 @@ if command -v python3 > /dev/null && python3 -c '' 2> /dev/null; then
 def refuse(word): raise ValueError(word)
 for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   json.loads(text, parse_constant=refuse)'
-  for command in 'list' 'list estimators' 'list laws' 'run A01 --samples 1000' 'run A01 --samples 1' \
+  for command in 'list' 'list estimators' 'list pmfs' 'run A01 --samples 1000' 'run A01 --samples 1' \
     'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3' 'survey B01 --samples 100' \
-    'survey A01 --samples 100' 'run A01 --law auto --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
+    'survey A01 --samples 100' 'run A01 --pmf auto --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
     'tradeoff E06 --samples 100' 'tradeoff D03 --family zeta --samples 100'; do
     "$debias" $command --json > out
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err

@@ -222,7 +222,7 @@ TEST_CASE(
     for (std::int64_t last = 2; last <= 44; ++last) {
       const auto s = finite_difference(t.f, t.at, {.first_step = t.first_step, .last_level = last});
       const Result<double> r = estimate(single_term(s), {.samples = 1 << 12, .seed = 4});
-      // nothing is random but the level: the mean over the law is I_last itself
+      // nothing is random but the level: the mean over the PMF is I_last itself
       const double error = std::abs(s.value_at(last, unused).value - t.truth);
       INFO("last level " << last << ", error " << error << ", bound " << r.bias_bound.size);
       CHECK(error <= r.bias_bound.size);
@@ -323,7 +323,7 @@ TEST_CASE("a jump and noise that is not shared are told from a kink and a smooth
     const Survey before = survey(s, 10, {.samples = 1 << 14});
     INFO(before);
     CHECK(std::abs(before.rates.variance.value - beta) < 0.15);
-    CHECK(before.law_exists == (helps ? Answer::yes : Answer::no));
+    CHECK(before.pmf_exists == (helps ? Answer::yes : Answer::no));
     const auto after = estimate(single_term(s, Geometric(0.5)), {.samples = 1 << 14, .threads = 1});
     INFO(after.bias_bound.sentence);
     CHECK(std::isinf(after.bias_bound.size) != helps);
@@ -420,11 +420,11 @@ TEST_CASE("C06: samples with a kink have the rate 1, not 2", "[derivative][law]"
   CHECK(sequence_laws(finite_difference(call_payoff, 100.0, ten), {.last = 7, .samples = 16384}) != Failures{});
 }
 
-TEST_CASE("C12: the second difference of samples with a kink grows, and no law exists", "[derivative][law]") {
+TEST_CASE("C12: the second difference of samples with a kink grows, and no PMF exists", "[derivative][law]") {
   const DifferenceOptions second{.kind = Difference::second, .first_step = 40};
   const auto s = finite_difference(call_payoff, 100.0, second, {-1, 0});
   CHECK(sequence_laws(s, {.last = 7, .samples = 16384}) == Failures{});
-  CHECK_FALSE(law_exists(s.rates));
+  CHECK_FALSE(pmf_exists(s.rates));
 }
 
 TEST_CASE("a swapped sign, a missing factor and an unhalved step are seen", "[derivative][law]") {

@@ -44,7 +44,7 @@ TEST_CASE("the borders belong to the infinite", "[diagnostics][exact]") {
   CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(2)).finite_work);
   CHECK(judge({4, 1, Decay::polynomial}, power_law(3)).tail_index == 0.5);
   CHECK_THAT(judge({2, 1}, {2.5}).sentence, Catch::Contains("variance INFINITE") && Catch::Contains("between 1 and 2"));
-  CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no law has both"));
+  CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no PMF has both"));
 }
 
 TEST_CASE("a sum over levels pays for all of them: a power law needs an exponent above 2 beside constant work",
@@ -57,13 +57,13 @@ TEST_CASE("a sum over levels pays for all of them: a power law needs an exponent
   CHECK(judge(sums, power_law(2.5)).finite_variance);
   CHECK_FALSE(judge(sums, power_law(3)).finite_variance);
   CHECK(default_exponent(sums) == Approx(13.0 / 6));
-  CHECK_FALSE(law_exists(rates_of_sum({3, 0, Decay::polynomial})));
+  CHECK_FALSE(pmf_exists(rates_of_sum({3, 0, Decay::polynomial})));
   CHECK(rates_of_sum({2, 1}).work == 1);
   // the expected number of terms, sum_k P(N >= k): zeta(3/2) / zeta(5/2), or the logarithm of where it is cut
   const auto terms = [](double s, std::int64_t first, std::int64_t last) {
-    const Zeta law(s);
+    const Zeta pmf(s);
     double sum = 0;
-    for (std::int64_t k = first; k < last; ++k) sum += law.tail(k);
+    for (std::int64_t k = first; k < last; ++k) sum += pmf.tail(k);
     return sum;
   };
   CHECK(terms(2.5, 0, 100000) == Approx(1.9473 - 0.0031).epsilon(1e-3));
@@ -82,7 +82,7 @@ TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[d
   }
 }
 
-TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric law never", "[diagnostics][exact]") {
+TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric PMF never", "[diagnostics][exact]") {
   const Rates rates{4, 0, Decay::polynomial};
   const Verdict good = judge(rates, Zeta(2).tail_exponent());
   CHECK(good.finite_variance);
@@ -108,9 +108,9 @@ TEST_CASE("a power law is too flat for growing work, a Poisson law too steep for
   CHECK(steep.tail_index == 1);
 }
 
-TEST_CASE("differences that end bring a finite variance under every law", "[diagnostics][exact]") {
-  for (const TailExponent& law : {TailExponent{1.5}, power_law(3), TailExponent{forever}}) {
-    const Verdict v = judge({Rates::faster_than_any, 1}, law);
+TEST_CASE("differences that end bring a finite variance under every PMF", "[diagnostics][exact]") {
+  for (const TailExponent& pmf : {TailExponent{1.5}, power_law(3), TailExponent{forever}}) {
+    const Verdict v = judge({Rates::faster_than_any, 1}, pmf);
     CHECK(v.finite_variance);
     CHECK(v.tail_index == 0);
   }
@@ -123,31 +123,31 @@ TEST_CASE("rates cannot tell what falls faster than any rate from another such t
              Catch::Contains("undecided by rates") && Catch::Contains("sum E D_k^2 / p_k") && !Catch::Contains("inf"));
   const Verdict geometric = judge({Rates::faster_than_any, 0}, Geometric(0.5).tail_exponent());
   CHECK(geometric.decided);
-  CHECK_THAT(geometric.sentence, Catch::Contains("variance finite (law exponent 1 < faster than any)"));
+  CHECK_THAT(geometric.sentence, Catch::Contains("variance finite (PMF exponent 1 < faster than any)"));
   const Verdict steep = judge({2, 1}, Poisson(3).tail_exponent());
   CHECK(steep.decided);
-  CHECK_THAT(steep.sentence, Catch::Contains("INFINITE (law exponent faster than any >= 2)"));
+  CHECK_THAT(steep.sentence, Catch::Contains("INFINITE (PMF exponent faster than any >= 2)"));
 }
 
 TEST_CASE("measured rates decide beyond two of their errors, and never guess", "[diagnostics][exact]") {
   const auto measured = [](double beta, double error, double beta4, RateKind kind = RateKind::geometric) {
     return MeasuredRates{kind, {beta / 2, error}, {beta, error}, {beta4, error}, {1, 0.01}};
   };
-  const TailExponent law{1.5};
-  const MeasuredVerdict finite = judge(measured(2, 0.1, 4), law);
+  const TailExponent pmf{1.5};
+  const MeasuredVerdict finite = judge(measured(2, 0.1, 4), pmf);
   CHECK(finite.variance == Finiteness::finite);
   CHECK(finite.work == Finiteness::finite);
   CHECK(finite.fourth_moment == Finiteness::infinite);  // 3 x 1.5 > 4
   CHECK(finite.tail_index == Approx(1 - 2 / 3.0));
   CHECK(finite.error == Approx(0.1 / 3));
-  CHECK(judge(measured(2, 0.1, 5), law).fourth_moment == Finiteness::finite);
-  CHECK(judge(measured(2, 0.1, 4.5), law).fourth_moment == Finiteness::undecided);
-  CHECK(judge(measured(1, 0.1, 2), law).variance == Finiteness::infinite);
-  CHECK(judge(measured(1.6, 0.1, 3.2), law).variance == Finiteness::undecided);
-  CHECK(judge(measured(1.4, 0.1, 2.8), law).variance == Finiteness::undecided);
+  CHECK(judge(measured(2, 0.1, 5), pmf).fourth_moment == Finiteness::finite);
+  CHECK(judge(measured(2, 0.1, 4.5), pmf).fourth_moment == Finiteness::undecided);
+  CHECK(judge(measured(1, 0.1, 2), pmf).variance == Finiteness::infinite);
+  CHECK(judge(measured(1.6, 0.1, 3.2), pmf).variance == Finiteness::undecided);
+  CHECK(judge(measured(1.4, 0.1, 2.8), pmf).variance == Finiteness::undecided);
   CHECK(judge(measured(2, 0.1, 4), TailExponent{0.9}).work == Finiteness::infinite);
   CHECK(judge(measured(2, 0.1, 4), TailExponent{1.01}).work == Finiteness::undecided);
-  CHECK_THAT(judge(measured(1.6, 0.1, 3.2), law).sentence,
+  CHECK_THAT(judge(measured(1.6, 0.1, 3.2), pmf).sentence,
              Catch::Contains("variance undecided") && Catch::Contains("1.6 +- 0.1") && Catch::Contains("survey"));
   // Power laws: finite iff rho < beta - 1, work finite iff rho > gamma + 1.
   const MeasuredVerdict power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
@@ -157,7 +157,7 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   // Ends and super-exponential falls.
   CHECK(judge(measured(forever, 0, forever, RateKind::exact_zero), Poisson(1).tail_exponent()).variance ==
         Finiteness::finite);
-  CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), law).variance == Finiteness::finite);
+  CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), pmf).variance == Finiteness::finite);
   const MeasuredVerdict both =
       judge(measured(forever, 0, forever, RateKind::super_exponential), Poisson(1).tail_exponent());
   CHECK(both.variance == Finiteness::undecided);
@@ -254,7 +254,7 @@ TEST_CASE("batches cover the mean of a chain, which single values do not", "[dia
 namespace {
 
 /// log P(|Z| > t) falls by 1 / xi for each unit of log t. Measured on Z = D_N / p_N, D_k = 2^(-beta k / 2) times
-/// a normal number, between two thresholds four periods of the law's lattice apart.
+/// a normal number, between two thresholds four periods of the PMF's lattice apart.
 struct MeasuredTail {
   double inverse_index;
   double error;
@@ -262,18 +262,18 @@ struct MeasuredTail {
   [[nodiscard]] bool agrees(double xi) const { return std::abs(inverse_index - 1 / xi) <= 4.5 * error; }
 };
 
-MeasuredTail measure_tail(const Geometric& law, double beta) {
+MeasuredTail measure_tail(const Geometric& pmf, double beta) {
   constexpr std::int64_t n = 1'000'000;
-  const double period = law.tail_exponent().exponent - beta / 2;  // log2 of Z from level to level
+  const double period = pmf.tail_exponent().exponent - beta / 2;  // log2 of Z from level to level
   const double low = 16;
   const double high = low * std::exp2(4 * period);
   double above_low = 0;
   double above_high = 0;
   for (std::int64_t i = 0; i < n; ++i) {
     Stream rng(17, static_cast<std::uint64_t>(i));
-    const std::int64_t level = law.sample(rng.uniform());
+    const std::int64_t level = pmf.sample(rng.uniform());
     const double d = rng.normal() * std::exp2(-beta / 2 * static_cast<double>(level));
-    const double z = std::abs(d / law.mass(level));
+    const double z = std::abs(d / pmf.mass(level));
     above_low += z > low ? 1 : 0;
     above_high += z > high ? 1 : 0;
   }

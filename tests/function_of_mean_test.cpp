@@ -311,7 +311,7 @@ TEST_CASE("differences that are zero in theory are exactly zero", "[function_of_
 TEST_CASE("above the band of a periodic medium a gap leaves nothing and a subtraction one ulp",
           "[function_of_mean][exact]") {
   // B04: the halves agree to their last digits, d = 1e-16. Measured largest |D|: 1.8e-31 by the gap, 5.6e-17
-  // (an ulp of e^-1) by subtraction; a law divides either by p_k.
+  // (an ulp of e^-1) by subtraction; a PMF divides either by p_k.
   const auto with_gap = function_of_integral(wave, functions::ExpMinus{});
   const auto without = function_of_integral(wave, plain(functions::ExpMinus{}));
   double largest_gap = 0;
@@ -332,9 +332,9 @@ TEST_CASE("above the band of a periodic medium a gap leaves nothing and a subtra
 
 TEST_CASE("a result says where differences are rounding, and only there", "[function_of_mean][statistical]") {
   const Plan plan{.samples = 1 << 14};
-  const Geometric law(0.65);
+  const Geometric pmf(0.65);
   const auto bound = [&](const auto& g) {
-    return estimate(single_term(function_of_integral(wave, g), law), plan).bias_bound;
+    return estimate(single_term(function_of_integral(wave, g), pmf), plan).bias_bound;
   };
   CHECK(bound(functions::ExpMinus{}).size == 0);
   const BiasBound rounding = bound(plain(functions::ExpMinus{}));
@@ -485,7 +485,7 @@ TEST_CASE("a level beyond int64 or below zero throws before anything is drawn", 
       function_of_integral([](double) -> double { throw std::logic_error("drawn"); }, functions::Square{});
   CHECK_THROWS_AS(comb(63, rng), std::length_error);
   CHECK_THROWS_WITH(comb(63, rng),
-                    "doubling: level 63 needs 2^level draws (beyond int64); choose a law with a lighter tail");
+                    "doubling: level 63 needs 2^level draws (beyond int64); choose a PMF with a lighter tail");
 }
 
 TEST_CASE("an interval that is not finite throws and says what to do", "[function_of_mean][exact]") {
@@ -686,11 +686,11 @@ TEST_CASE("thick media and colours by combs and jittered points are unbiased, co
   const auto rgb = [](double x) { return Eigen::Array3d(2 * x, 3 * x * x, 1 + x); };
   const auto g = functions::componentwise(functions::ExpMinus{});
   const Eigen::Array3d truth = Eigen::Array3d(-1, -1, -1.5).exp();
-  const auto laws = [](const auto& e, const Eigen::Array3d& exact) {
+  const auto pmfs = [](const auto& e, const Eigen::Array3d& exact) {
     return debias::laws::estimator_laws(e, exact, {.repeats = 0});
   };
   const auto comb = single_term(function_of_integral(rgb, g));
-  CHECK(laws(comb, truth) == Failures{});
-  CHECK(laws(single_term(function_of_jittered_integral(rgb, g)), truth) == Failures{});
-  CHECK(laws(comb, truth * Eigen::Array3d(1, 1.01, 1)) != Failures{});
+  CHECK(pmfs(comb, truth) == Failures{});
+  CHECK(pmfs(single_term(function_of_jittered_integral(rgb, g)), truth) == Failures{});
+  CHECK(pmfs(comb, truth * Eigen::Array3d(1, 1.01, 1)) != Failures{});
 }

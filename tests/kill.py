@@ -26,7 +26,7 @@ cases = [  # and about as many samples as one thread draws in a second
     ("A03", 13e6), ("E02 --block 64", 8e4), ("D01 --estimator roulette", 25e6), ("B02 --block 256", 8e4),
     ("C01 --estimator independent_sum", 16e6), ("F01", 5.5e6), ("A10 --estimator single_term_drawn", 13e6),
     ("E03", 2.5e6), ("H01", 11e6), ("D11", 11e6), ("B12 --estimator independent_sum", 14e6), ("E10", 1.3e6),
-    ("E02 --law auto", 24e6)]
+    ("E02 --pmf auto", 24e6)]
 
 def start(words):
     out = tempfile.TemporaryFile()
@@ -72,7 +72,7 @@ def answer(process, out):
             os.kill(pid, signal.SIGKILL)
         code = process.wait()
     out.seek(0)
-    # Without times, and without what a pilot says: the run under its law is what is resumed.
+    # Without times, and without what a pilot says: the run under its PMF is what is resumed.
     differing = re.compile(r'^[^\n]*"(seconds|pilot_seconds|efficiency)":[^\n]*\n|^  "recipe": (null|\{.*?^  \}),\n', re.M | re.S)
     return code, re.sub(differing, "", out.read().decode())
 

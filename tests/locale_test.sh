@@ -70,11 +70,11 @@ compared list problems --json
 compared run A01 --samples 20000
 compared run A01 --samples 20000 --json
 compared run A10 --samples 1234567 --threads 2
-compared run A01 --law auto --samples 20000
+compared run A01 --pmf auto --samples 20000
 compared run A01 --samples 20000 --error 0.5
 compared run A01 --error 0.01
 compared run A01 --estimator multilevel --error 0.01
-compared run furnace --estimator roulette --law geometric:r=0.5 --samples 20000
+compared run furnace --estimator roulette --pmf geometric:r=0.5 --samples 20000
 compared replay A10 --seed 3 --sample 7
 compared survey A10 --levels 4 --samples 2000
 compared survey E05 --levels 1
@@ -85,8 +85,8 @@ compared diagnose -
 compared diagnose - --json
 compared diagnose - --column 2
 # refusals with a number in them
-compared run A01 --law geometric:r=1.5
-compared run A01 --law zeta:s=0,5
+compared run A01 --pmf geometric:r=1.5
+compared run A01 --pmf zeta:s=0,5
 compared run E06
 compared run A01 --samples 1.5
 compared run A01 --confidence 95

@@ -11,8 +11,8 @@ no_callable='
  streams:     fill instructions normal_quantile normal_quantiles search_tails split split_level exp expm1 log log1p sin
  numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws geometric_terms
               poisson_quantile polynomial_terms power_law
- laws, rates: best_masses best_tails convergence_rate default_exponent finite_exponents inverse_weight
-              inverse_weight_error invert_tail judge law_exists rates_of rates_of_sum refuse_uniform
+ PMFs, rates: best_masses best_tails convergence_rate default_exponent finite_exponents inverse_weight
+              inverse_weight_error invert_tail judge pmf_exists rates_of rates_of_sum refuse_uniform
               tail_exponent_for
  results:     batch_interval bound_of conclude fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
@@ -34,7 +34,7 @@ factories() {
         s/requires *\([^)]*\)//g
         s/^(.*[ &*>])?([a-z_][a-z_0-9]*)\(.*$/\2/p
       }'
-  done | sort -u
+  done | grep -vx requires | sort -u
 }
 
 # check ROOT: prints the factories of a tree that no test covers.

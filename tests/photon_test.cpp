@@ -88,16 +88,16 @@ TEST_CASE("levels have the means of their discs, and differences those of two", 
   }
 }
 
-TEST_CASE("a law of finite variance makes photon levels unbiased at three points, for all kernels",
+TEST_CASE("a PMF of finite variance makes photon levels unbiased at three points, for all kernels",
           "[photon][statistical][stat]") {
   // Its work has no mean: a few hundred samples are what one can pay for.
-  const Geometric law = Geometric::with_exponent(1.5);
+  const Geometric pmf = Geometric::with_exponent(1.5);
   for (const double at : points) {
     const Hemisphere light{at};
     for (const Kernel kernel : {Kernel::disc, Kernel::cone, Kernel::epanechnikov}) {
       CAPTURE(at, static_cast<int>(kernel));
       const auto levels = photon_levels(light, GeometricRadii{1, 4}, {kernel});
-      CHECK(std::abs(z(single_term(levels, law), light.irradiance(), 400)) < 5.1);
+      CHECK(std::abs(z(single_term(levels, pmf), light.irradiance(), 400)) < 5.1);
     }
     // The same test finds the bias of the base.
     const auto base = [levels = photon_levels(light, GeometricRadii{1, 4})](Stream& rng) {
@@ -130,7 +130,7 @@ TEST_CASE("the error of balanced unbiased photons falls like work^(-1/3)", "[pho
   for (const double at : points) {
     const Hemisphere light{at};
     const GeometricRadii radii{0.8, 1};
-    const auto unbiased = single_term(photon_levels(light, radii), radii.law());
+    const auto unbiased = single_term(photon_levels(light, radii), radii.pmf());
     std::vector<double> errors;
     for (std::int64_t n = 64; n <= 2048; n *= 2) {
       std::vector<double> distances;
@@ -147,23 +147,23 @@ TEST_CASE("the error of balanced unbiased photons falls like work^(-1/3)", "[pho
 TEST_CASE("no schedule has finite variance and finite work, and the verdict says so", "[photon][exact]") {
   for (const double shrink : {1.5, 2.0, 4.0}) {
     for (const double growth : {1.2, 2.8, 8.0, 64.0})
-      CHECK_FALSE(law_exists(GeometricRadii{1, 1, shrink, growth}.rates()));
+      CHECK_FALSE(pmf_exists(GeometricRadii{1, 1, shrink, growth}.rates()));
   }
   const GeometricRadii balanced{1, 1};
-  const Verdict v = judge(balanced.rates(), balanced.law().tail_exponent());
+  const Verdict v = judge(balanced.rates(), balanced.pmf().tail_exponent());
   CHECK_FALSE(v.finite_variance);
   CHECK(v.finite_work);
   CHECK(v.highest_moment() == Approx(3.25 / 2.25));
   CHECK(v.highest_moment() < 1.5);
 
-  for (const double c : {0.0, 0.4, 0.6, 1.0, 1.2}) CHECK_FALSE(law_exists(AlphaRadii{1, 1, 2.0 / 3, c}.rates()));
+  for (const double c : {0.0, 0.4, 0.6, 1.0, 1.2}) CHECK_FALSE(pmf_exists(AlphaRadii{1, 1, 2.0 / 3, c}.rates()));
   const AlphaRadii published{1, 1};
-  const Verdict alpha = judge(published.rates(), published.law().tail_exponent());
+  const Verdict alpha = judge(published.rates(), published.pmf().tail_exponent());
   CHECK_FALSE(alpha.finite_variance);
   CHECK(alpha.finite_work);
   CHECK(alpha.highest_moment() == Approx(1).margin(1e-3));
   const AlphaRadii other_side{1, 1, 2.0 / 3, 0.499};
-  const Verdict v2 = judge(other_side.rates(), other_side.law().tail_exponent());
+  const Verdict v2 = judge(other_side.rates(), other_side.pmf().tail_exponent());
   CHECK(v2.finite_variance);
   CHECK_FALSE(v2.finite_work);
 }
@@ -175,14 +175,14 @@ TEST_CASE("a schedule without E|Z| is refused without the flag", "[photon][exact
   CHECK_NOTHROW(photon_levels(light, AlphaRadii{}, {.allow_infinite_mean = true}));
   CHECK_NOTHROW(photon_levels(light, AlphaRadii{.c = 0.5}));
   CHECK_NOTHROW(photon_levels(light, GeometricRadii{}));
-  CHECK_THROWS_WITH(single_term(photon_levels(light, GeometricRadii{})), Catch::Contains("no law"));
+  CHECK_THROWS_WITH(single_term(photon_levels(light, GeometricRadii{})), Catch::Contains("no PMF"));
 }
 
-TEST_CASE("the law of the alpha schedule keeps the mean of a weighted difference constant", "[photon][exact]") {
+TEST_CASE("the PMF of the alpha schedule keeps the mean of a weighted difference constant", "[photon][exact]") {
   const AlphaRadii radii{0.125, 1};
-  const RadiusLaw law = radii.law();
+  const RadiusPmf pmf = radii.pmf();
   for (const std::int64_t k : {1, 7, 100}) {
-    CHECK((radii.radius2(k - 1) - radii.radius2(k)) / law.mass(k - 1) == Approx(0.125 * 0.125));
+    CHECK((radii.radius2(k - 1) - radii.radius2(k)) / pmf.mass(k - 1) == Approx(0.125 * 0.125));
   }
 }
 

@@ -76,7 +76,7 @@ double z_of(const Statistics& s, double truth) {
 Statistics run_by(const Advice& advice, const catalog::Problem& p, const Plan& plan) {
   const catalog::Method method =
       advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
-  return p.run({method, advice.law, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
+  return p.run({method, advice.pmf, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
 }
 
 /// Variance x work of one member, as the run has measured them.
@@ -106,7 +106,7 @@ TEST_CASE("a sequence that declares nothing is estimated without bias in three l
   };
   const auto result = estimate(recipe(my_sequence), {.samples = 1 << 17, .seed = 3});
   CHECK(std::abs(z_of(result, 1)) < 4.5);
-  CHECK(result.advice.survey.law_exists == Answer::yes);
+  CHECK(result.advice.survey.pmf_exists == Answer::yes);
   std::ostringstream text;
   text << result;
   for (const char* word : {"mean", "recipe", "times the bound", "pilot"}) {
@@ -135,25 +135,25 @@ TEST_CASE("a run by recipe is the run of the estimator that its advice names", "
   const Plan plan{.samples = 1 << 15, .seed = 11};
   const auto result = estimate(recipe(sequence), plan);
   Advice advice = result.advice;
-  const std::string spec = advice.law.spec();
-  advice.law = AnyPmf::parse(spec);
-  CHECK(advice.law.spec() == spec);
+  const std::string spec = advice.pmf.spec();
+  advice.pmf = AnyPmf::parse(spec);
+  CHECK(advice.pmf.spec() == spec);
   const auto again = estimate(estimator_of(sequence, advice), {.samples = advice.members / advice.block, .seed = 11});
   CHECK(again.mean == result.mean);
   CHECK(again.standard_error == result.standard_error);
   const LargeSample& largest = result.largest.front();
   CHECK(trace(estimator_of(sequence, advice), 11, largest.index).sample.value == largest.value);
-  CHECK(advise(level_runs(sequence), {.samples = 1 << 15, .seed = 11, .threads = 1}).law.spec() == spec);
+  CHECK(advise(level_runs(sequence), {.samples = 1 << 15, .seed = 11, .threads = 1}).pmf.spec() == spec);
   CHECK(advice.members >= 1 << 15);
   CHECK(advice.members % advice.block == 0);
 }
 
-TEST_CASE("where no law has finite variance and finite work a recipe says so and what to expect", "[recipe][exact]") {
+TEST_CASE("where no PMF has finite variance and finite work a recipe says so and what to expect", "[recipe][exact]") {
   CHECK_THROWS_WITH(estimate(recipe(Pure{0.3}), {.samples = 1 << 17}),
                     Catch::Contains("finite variance and finite work") && Catch::Contains("multilevel"));
   // beta = gamma is beyond what levels tell: it runs, and says so.
   const auto open = estimate(recipe(Pure{1}), {.samples = 1 << 14});
-  CHECK(open.advice.survey.law_exists == Answer::open);
+  CHECK(open.advice.survey.pmf_exists == Answer::open);
   CHECK_FALSE(open.verdict().interval_reliable());
   const Advice half = advise(level_runs(Pure{0.5}), {.samples = 1 << 17});
   CHECK_FALSE(half.usable());
@@ -204,13 +204,13 @@ TEST_CASE("levels of which the pilot saw only zeros keep the mass that the fitte
   CHECK(std::abs(z_of(estimate(recipe(Rare{}), plan), Rare::truth())) < 4.5);
 }
 
-TEST_CASE("exact zeros, powers of the level and wild first levels each get a law that fits", "[recipe][statistical]") {
+TEST_CASE("exact zeros, powers of the level and wild first levels each get a PMF that fits", "[recipe][statistical]") {
   const auto steady = estimate(recipe(Steady{}), {.samples = 1 << 14, .seed = 2});
   CHECK(std::abs(z_of(steady, 0.5)) < 4.5);
   CHECK(measured_product(steady) < 1.2 * steady.advice.bound);
   const Advice basel = advise(level_runs(Basel{}), {.samples = 1 << 16, .seed = 2});
   CHECK(basel.survey.rates.kind == RateKind::polynomial);
-  CHECK(basel.law.spec().rfind("zeta:s=", 0) == 0);
+  CHECK(basel.pmf.spec().rfind("zeta:s=", 0) == 0);
   CHECK(basel.exponent.exponent > 1);
   CHECK(basel.exponent.exponent < 3);
 }
@@ -283,14 +283,14 @@ TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on twe
   }
 }
 
-TEST_CASE("a recipe is unbiased on every problem of the catalogue for which it finds a law",
+TEST_CASE("a recipe is unbiased on every problem of the catalogue for which it finds a PMF",
           "[recipe][statistical][stat]") {
   int runs = 0;
   for (const catalog::Problem& p : catalog::problems()) {
     const Plan plan{.samples = 1 << 15, .seed = 1};
     const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
-    CAPTURE(p.id, advice.law.spec(), advice.base_level);
-    CHECK((advice.survey.law_exists != Answer::no || !law_exists(p.rates)));
+    CAPTURE(p.id, advice.pmf.spec(), advice.base_level);
+    CHECK((advice.survey.pmf_exists != Answer::no || !pmf_exists(p.rates)));
     if (!advice.usable()) continue;
     ++runs;
     const Statistics s = run_by(advice, p, plan);
@@ -301,7 +301,7 @@ TEST_CASE("a recipe is unbiased on every problem of the catalogue for which it f
 }
 
 TEST_CASE(
-    "a law from the plain second moments of a small pilot gives confident wrong answers where a recipe does "
+    "a PMF from the plain second moments of a small pilot gives confident wrong answers where a recipe does "
     "not",
     "[recipe][statistical][stat]") {
   // Masses sqrt(E D^2 / work) as a pilot has seen them, zeros and all.
@@ -349,7 +349,7 @@ TEST_CASE(
     const Statistics s = run_by(advice, p, plan);
     const double predicted = advice.predicted.product();
     const double rounding = 1e-25 * s.components[0].mean * s.components[0].mean * advice.predicted.work;
-    // The law of the waiting time, of too short a pilot, has infinite variance.
+    // The PMF of the waiting time, of too short a pilot, has infinite variance.
     if (predicted < 0.5 * measured_product(s) - rounding && p.id != "H02") too_good.push_back(p.id);
     const LevelModel model = model_of(advice.survey);
     double roots = 0;
@@ -444,12 +444,12 @@ TEST_CASE("options by recipe take at most 0.1 (European) and 0.35 of the work of
   check("lookback-call", 0.01, 0.35);
 }
 
-TEST_CASE("the digital option has no law as it is and an honest one when its last step is smoothed",
+TEST_CASE("the digital option has no PMF as it is and an honest one when its last step is smoothed",
           "[recipe][statistical][stat]") {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const Advice plain = advise(level_runs(Digital{false}), {.samples = 1 << 18, .seed = seed});
-    CAPTURE(seed, name_of(plain.survey.law_exists), plain.survey.rates.variance.value);
-    CHECK(plain.survey.law_exists != Answer::yes);
+    CAPTURE(seed, name_of(plain.survey.pmf_exists), plain.survey.rates.variance.value);
+    CHECK(plain.survey.pmf_exists != Answer::yes);
     CHECK_FALSE(plain.usable());
   }
   std::vector<double> z;

@@ -245,8 +245,8 @@ TEST_CASE("the declared rates of the schemes hold", "[sde][law]") {
   CHECK(sequence_laws(milstein(stock, terminal), {.last = 7}) == Failures{});                       // E07
   CHECK(sequence_laws(milstein(stock, call), {.last = 7}) == Failures{});                           // E02
   CHECK(sequence_laws(euler(spring, square, {2, 1}), {.last = 8, .rates_from = 4}) == Failures{});  // E08
-  CHECK(law_exists(milstein(stock, call).rates));
-  CHECK_FALSE(law_exists(euler(stock, call).rates));
+  CHECK(pmf_exists(milstein(stock, call).rates));
+  CHECK_FALSE(pmf_exists(euler(stock, call).rates));
 
   CHECK(sequence_laws(euler(stock, discounted, {2, 1}), {.last = 7}) != Failures{});
   CHECK(sequence_laws(euler(spring, square), {.last = 8, .rates_from = 4}) != Failures{});

@@ -109,8 +109,8 @@ TEST_CASE("rates of terms: beta = -2 log2|ratio|, 2 s for k^-s, impossible ones 
     CHECK_THROWS_AS(geometric_terms(ratio), std::invalid_argument);
   }
   for (const double s : {0.0, -1.0, std::nan("")}) CHECK_THROWS_AS(polynomial_terms(s), std::invalid_argument);
-  CHECK(law_exists(polynomial_terms(1.01)));
-  CHECK_FALSE(law_exists(polynomial_terms(1)));
+  CHECK(pmf_exists(polynomial_terms(1.01)));
+  CHECK_FALSE(pmf_exists(polynomial_terms(1)));
 }
 
 TEST_CASE("a random term is the same number on every way to it", "[series][exact]") {
@@ -199,11 +199,11 @@ TEST_CASE("paired terms are the sums of neighbours, for twice the work", "[serie
   CHECK(sum_of(pairs, 1000000) == Approx(pi - 5e-7).epsilon(1e-12));
 }
 
-TEST_CASE("pairing an alternating series of terms like 1/k makes a law possible", "[series][law]") {
+TEST_CASE("pairing an alternating series of terms like 1/k makes a PMF possible", "[series][law]") {
   const auto s = series(leibniz, polynomial_terms(1));
   const auto pairs = paired(s);
-  CHECK_FALSE(law_exists(s.rates));
-  CHECK(law_exists(pairs.rates));
+  CHECK_FALSE(pmf_exists(s.rates));
+  CHECK(pmf_exists(pairs.rates));
   SequenceLawOptions far = terms_up_to(60);
   far.rates_from = 30;
   far.samples = 64;  // nothing is random
@@ -291,7 +291,7 @@ TEST_CASE("dyadic blocks hold the terms 2^(k-1) ... 2^k - 1, for as much work", 
   CHECK(sequence_laws(blocks(series(squares), {4, 1}), {.last = 10, .rates_from = 4}) != Failures{});
 }
 
-TEST_CASE("unit blocks of a polynomial decay under a geometric law have infinite variance, dyadic ones have not",
+TEST_CASE("unit blocks of a polynomial decay under a geometric PMF have infinite variance, dyadic ones have not",
           "[series][statistical]") {
   const auto units = series(squares, polynomial_terms(2));
   const auto dyadic = blocks(units);
@@ -309,7 +309,7 @@ TEST_CASE("unit blocks of a polynomial decay under a geometric law have infinite
   CHECK(seen_blocks.rates.kind == RateKind::geometric);
   CHECK(std::abs(seen_blocks.rates.variance.value - 2) < 0.15);
   CHECK(judge(seen_blocks.rates, geometric).variance == Finiteness::finite);
-  // both are unbiased under a law of their own
+  // both are unbiased under a PMF of their own
   const double truth = pi * pi / 6;
   const auto by_units = estimate(single_term(units, Zeta(2.0)), {.samples = 1 << 14});
   const auto by_blocks = estimate(single_term(dyadic), {.samples = 1 << 14});
@@ -340,7 +340,7 @@ TEST_CASE("D14: truncation of the path depth, debiased by roulette, is classical
     NullRecord unused_record;
     const double value = debiased(one, unused_record).value;
     // the loop of a path tracer: go on with probability albedo, by which the throughput is divided
-    Stream decisions = split(sample, Branch::law);
+    Stream decisions = split(sample, Branch::pmf);
     Stream vertices = split_level(sample, 0);
     const double u = decisions.uniform();
     double classical = emission(vertices.uniform());

@@ -174,7 +174,7 @@ TEST_CASE("H07: the Dickman chain has the known level means and a contraction of
     CHECK(z_score(m, exact) < 5.5);
   }
   CHECK(sequence_laws(s, {.rates = false}) == Failures{});
-  // E D_k^2 = 3^-k of X itself; that of its square gets there only after X' has reached its tilted law
+  // E D_k^2 = 3^-k of X itself; that of its square gets there only after X' has reached its tilted PMF
   const auto mean = steady_state(dickman, 0.0, itself, contraction(std::sqrt(1.0 / 3)));
   CHECK(sequence_laws(mean, shallow(3, 8)) == Failures{});
   CHECK(sequence_laws(steady_state(dickman, 0.0, itself, contraction(1.0 / 3)), shallow(3, 8)) != Failures{});
@@ -293,7 +293,7 @@ TEST_CASE("contraction declares -2 log2 c and refuses what does not contract", "
   CHECK(contraction(0.25).variance == 4);
   CHECK(contraction(0.25).work == 0);
   CHECK(contraction(0).variance == Rates::faster_than_any);
-  CHECK(law_exists(contraction(0.999)));
+  CHECK(pmf_exists(contraction(0.999)));
   for (const double c : {1.0, -0.5, 2.0, std::nan("")}) CHECK_THROWS_AS(contraction(c), std::invalid_argument);
 }
 

@@ -99,7 +99,7 @@ TEST_CASE("the table of A10 agrees with its closed-form moments at every level",
   CHECK(std::abs(s.rates.mean.value - 1) < 0.15);
   CHECK(std::abs(s.rates.work.value - 1) < 1e-9);
   CHECK(s.rates.kind == RateKind::geometric);
-  CHECK(s.law_exists == Answer::yes);
+  CHECK(s.pmf_exists == Answer::yes);
   CHECK(s.remarks.size() <= 1);  // at most: the first level is not yet asymptotic
 }
 
@@ -130,9 +130,9 @@ TEST_CASE("rates are within 0.15 and their errors honest where a power law is ex
   }
 }
 
-TEST_CASE("a law exists, does not, or it is open", "[survey][statistical]") {
+TEST_CASE("a PMF exists, does not, or it is open", "[survey][statistical]") {
   const auto answer = [](const auto& sequence, std::int64_t levels = 9, std::int64_t draws = 1 << 13) {
-    return survey(sequence, levels, {.samples = draws, .seed = 2}).law_exists;
+    return survey(sequence, levels, {.samples = draws, .seed = 2}).pmf_exists;
   };
   CHECK(answer(NormalDifferences{2, 1}) == Answer::yes);
   CHECK(answer(NormalDifferences{1.3, 1}) == Answer::yes);
@@ -145,7 +145,7 @@ TEST_CASE("a law exists, does not, or it is open", "[survey][statistical]") {
   // A mean of |D| that grows at equal rarity: not yet typical, since the sequence converges.
   CHECK(answer(NormalDifferences{-1, 0}) == Answer::open);
   // Shallow levels that do not decay yet, below deeper ones without a vote, are no proof that none will.
-  CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).law_exists != Answer::no);
+  CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).pmf_exists != Answer::no);
   // Two levels that vote are no rate.
   CHECK(answer(NormalDifferences{2, 1}, 3, 64) == Answer::open);
   // Few draws beside beta - gamma = 0.3: within the error.
@@ -155,12 +155,12 @@ TEST_CASE("a law exists, does not, or it is open", "[survey][statistical]") {
 TEST_CASE("rare events are no exact levels, exact levels are no rare events", "[survey][statistical]") {
   const Survey rare = survey(RareEvent{}, 16, {.samples = 1 << 12, .seed = 4});
   CHECK(rare.rates.kind == RateKind::geometric);
-  CHECK(rare.law_exists != Answer::yes);
+  CHECK(rare.pmf_exists != Answer::yes);
   CHECK_FALSE(rare.rows.back().votes);
   CHECK(remarks_on(rare, "10 times their kurtosis"));
   const Survey steady = survey(Steady{}, 6, {.samples = 256});
   CHECK(steady.rates.kind == RateKind::exact_zero);
-  CHECK(steady.law_exists == Answer::yes);
+  CHECK(steady.pmf_exists == Answer::yes);
   CHECK(remarks_on(steady, "zero from level 1 on"));
 }
 
@@ -247,7 +247,7 @@ TEST_CASE("the rates that the catalogue declares are the rates that a survey mea
     CAPTURE(id, s.rates.variance.value, s.rates.variance.error);
     CHECK(std::abs(s.rates.variance.value - p.rates.variance) < 0.15);
     CHECK(std::abs(s.rates.work.value - p.rates.work) < 0.15);
-    CHECK(s.law_exists == Answer::yes);
+    CHECK(s.pmf_exists == Answer::yes);
   }
 }
 
@@ -268,12 +268,12 @@ Answers ask(double work, std::uint64_t seeds) {
     const ExponentRange range = finite_exponents(p.rates);
     const bool clear = std::abs(range.high - range.low) >= 0.3;
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-      const Answer answer = survey_within(p.levels, work * unit, {.samples = 1 << 16, .seed = seed}).law_exists;
+      const Answer answer = survey_within(p.levels, work * unit, {.samples = 1 << 16, .seed = seed}).pmf_exists;
       ++a.surveys;
       a.clear += clear ? 1 : 0;
       if (answer == Answer::open) {
         a.open += clear ? 1 : 0;
-      } else if ((answer == Answer::yes) != law_exists(p.rates)) {
+      } else if ((answer == Answer::yes) != pmf_exists(p.rates)) {
         ++a.wrong;
       }
     }

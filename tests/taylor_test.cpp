@@ -109,10 +109,10 @@ TEST_CASE("the power series of each function sum up to the function, to 1e-14, f
 
 TEST_CASE("coefficients neither overflow nor underflow at order 500 of a thick medium", "[taylor][exact]") {
   auto series = functions::ExpMinus{}.expand(300);  // Poisson masses with alternating signs
-  const Poisson law(300);
+  const Poisson pmf(300);
   for (std::int64_t k = 0; k <= 500; ++k) {
     const double c = series();
-    CHECK(c * (k % 2 == 0 ? 1 : -1) == Approx(law.mass(k)).epsilon(1e-12));
+    CHECK(c * (k % 2 == 0 ? 1 : -1) == Approx(pmf.mass(k)).epsilon(1e-12));
   }
   auto log = functions::Log{}.expand(1e-200);
   log();
@@ -349,11 +349,11 @@ struct PrefixOnly {
 template <class X>
 struct IndexOff {
   X x;
-  BhanotKennedy law;
+  BhanotKennedy pmf;
   std::size_t first_used;  // 1 is the mistake, 0 is right
 
   double operator()(Stream& rng) const {
-    const auto n = static_cast<std::size_t>(law.sample(rng.uniform()));
+    const auto n = static_cast<std::size_t>(pmf.sample(rng.uniform()));
     std::vector<double> draws(n + 1);
     for (double& d : draws) d = x(rng);
     double total = 0;
@@ -371,7 +371,7 @@ struct IndexOff {
       double factorial = 1;
       for (std::size_t k = 0; k <= n; ++k) {
         if (k > 0) factorial *= static_cast<double>(k);
-        total += std::exp(-draws[p]) * m[k] / factorial / law.tail(static_cast<std::int64_t>(k)) /
+        total += std::exp(-draws[p]) * m[k] / factorial / pmf.tail(static_cast<std::int64_t>(k)) /
                  static_cast<double>(n + 1);
       }
     }
@@ -411,12 +411,12 @@ TEST_CASE("a deterministic prefix whose random tail is never added is rejected, 
 
 TEST_CASE("symmetric means whose index is off by one are rejected, ours are not", "[taylor][statistical]") {
   const auto step = [](Stream& rng) { return rng.uniform() < 1.0 / 3 ? 4.8 : 0.6; };  // tau = 2
-  const BhanotKennedy law(0.5, 2, 2);
+  const BhanotKennedy pmf(0.5, 2, 2);
   const double truth = std::exp(-2);
-  CHECK(rejected(IndexOff<decltype(step)>{step, law, 1}, truth));
-  CHECK(accepted(IndexOff<decltype(step)>{step, law, 0}, truth));
-  CHECK(accepted(taylor_sum(step, functions::ExpMinus{}, drawn_pivot, law), truth));
-  // On the linear medium, combs of two points and the published law, the mistake is small, and still seen.
+  CHECK(rejected(IndexOff<decltype(step)>{step, pmf, 1}, truth));
+  CHECK(accepted(IndexOff<decltype(step)>{step, pmf, 0}, truth));
+  CHECK(accepted(taylor_sum(step, functions::ExpMinus{}, drawn_pivot, pmf), truth));
+  // On the linear medium, combs of two points and the published PMF, the mistake is small, and still seen.
   const auto linear = comb_mean([](double x) { return 4 * x; }, 2);
   const BhanotKennedy published(0.9, 2, 2);
   CHECK(rejected(IndexOff<decltype(linear)>{linear, published, 1}, truth, 1 << 20));
@@ -426,10 +426,10 @@ TEST_CASE("symmetric means whose index is off by one are rejected, ours are not"
 TEST_CASE("derivatives without their alternating sign are rejected, ours are not", "[taylor][statistical]") {
   const functions::Davis davis{0.5};
   const auto comb = comb_mean([](double x) { return 4 * x; }, 2);
-  const BhanotKennedy law(0.5, 2, 2);
-  CHECK(rejected(taylor_sum(comb, DavisMaybe{davis, true}, drawn_pivot, law), davis(2), 1 << 18));
-  CHECK(accepted(taylor_sum(comb, DavisMaybe{davis, false}, drawn_pivot, law), davis(2), 1 << 18));
-  CHECK(accepted(taylor_sum(comb, davis, drawn_pivot, law), davis(2), 1 << 18));
+  const BhanotKennedy pmf(0.5, 2, 2);
+  CHECK(rejected(taylor_sum(comb, DavisMaybe{davis, true}, drawn_pivot, pmf), davis(2), 1 << 18));
+  CHECK(accepted(taylor_sum(comb, DavisMaybe{davis, false}, drawn_pivot, pmf), davis(2), 1 << 18));
+  CHECK(accepted(taylor_sum(comb, davis, drawn_pivot, pmf), davis(2), 1 << 18));
 }
 
 TEST_CASE("a coefficient of zero does not end a sum by running weight, a factor of zero does",
@@ -479,8 +479,8 @@ TEST_CASE("a centre from a pilot run is as good as the exact one, and unbiased",
   CHECK(pilot.at == Approx(exact.at).epsilon(0.02));
   const auto e = roulette(taylor(x, g, pilot));
   CHECK(estimator_laws(e, std::log(1.2)) == Failures{});
-  const auto best = roulette(taylor(x, g, exact.at), e.law());
-  const auto far = roulette(taylor(x, g, 2.0), e.law());
+  const auto best = roulette(taylor(x, g, exact.at), e.pmf());
+  const auto far = roulette(taylor(x, g, 2.0), e.pmf());
   const auto variance = [](const auto& estimator) {
     return estimate(estimator, {.samples = 1 << 17}).moments.variance();
   };
@@ -488,7 +488,7 @@ TEST_CASE("a centre from a pilot run is as good as the exact one, and unbiased",
   CHECK(variance(far) > 1.3 * variance(best));  // power check
 }
 
-TEST_CASE("a centre or a law without finite variance is refused with a feasible one", "[taylor][exact]") {
+TEST_CASE("a centre or a PMF without finite variance is refused with a feasible one", "[taylor][exact]") {
   const Moments pilot = Moments::of(std::vector<double>{0.5, 1, 1.5, 4});  // E X = 1.75, E X^2 = 4.875
   CHECK_THROWS_WITH(centre(functions::Reciprocal{}, pilot, 1.0),
                     Catch::Contains("at = 1.0") && Catch::Contains("2.78"));
@@ -498,10 +498,10 @@ TEST_CASE("a centre or a law without finite variance is refused with a feasible 
   CHECK_THROWS_AS(centre_between(0, std::numeric_limits<double>::infinity()), std::invalid_argument);
   CHECK_THROWS_AS(centre(functions::Log{}, Moments{}), std::invalid_argument);
 
-  // b = 1/4 about the middle of (1/2, 3/2): a law has to fall by more than 1/4 a term
+  // b = 1/4 about the middle of (1/2, 3/2): a PMF has to fall by more than 1/4 a term
   const auto terms = taylor(near_one, functions::Reciprocal{}, centre_between(0.5, 1.5));
   CHECK(terms.rates.variance == Approx(2));
-  CHECK(roulette(terms).law().tail_exponent().exponent == Approx(1));
+  CHECK(roulette(terms).pmf().tail_exponent().exponent == Approx(1));
   CHECK_NOTHROW(roulette(terms, Geometric(0.7)));
   CHECK_THROWS_WITH(roulette(terms, Geometric(0.8)), Catch::Contains("0.25") && Catch::Contains("Geometric(0.5"));
   CHECK_THROWS_WITH(roulette(terms, Poisson(5)), Catch::Contains("finite variance"));
@@ -552,7 +552,7 @@ TEST_CASE("the terms keep the laws of a sequence: partial sums telescope, and ra
   const auto reciprocals = taylor(near_one, functions::Reciprocal{}, centre_between(0.5, 1.5));
   CHECK(reciprocals.rates.variance == 2);  // from the bounds; (X - 1)^2 itself has mean 1/12
   const Centre exact{1, 1.0 / 12};
-  CHECK(::laws::sequence_laws(taylor(near_one, functions::Reciprocal{}, exact), {.rates = false}) == Failures{});
+  CHECK(::pmfs::sequence_laws(taylor(near_one, functions::Reciprocal{}, exact), {.rates = false}) == Failures{});
   CHECK(taylor(near_one, functions::Reciprocal{}, exact).rates.variance == Approx(std::log2(12.0)));
-  CHECK(::laws::sequence_laws(taylor(depth, functions::ExpMinus{}, 2.0)) == Failures{});
+  CHECK(::pmfs::sequence_laws(taylor(depth, functions::ExpMinus{}, 2.0)) == Failures{});
 }

@@ -10,7 +10,7 @@
 //   Notation: x = at, h_k = first_step ratio^k; f(x), or f(x, stream) for the derivative of x -> E f(x).
 // All evaluations of a draw see the same random numbers. The rates hold where f is smooth in every sample.
 // Samples with kinks have 2^-k (first derivatives; declare {1, 0}). Where they jump or have their own noise,
-// E D_k^2 grows and no law helps: `survey` says so before a run, verdict and bias bound of a result after it. The bound
+// E D_k^2 grows and no PMF helps: `survey` says so before a run, verdict and bias bound of a result after it. The bound
 // of an f without noise is infinite where its differences fall by less than 3/4 of the declared rate: at jumps, cusps
 // and poles, and at kinks of second differences.
 // Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
@@ -446,7 +446,7 @@ class FiniteDifference {
                             detail::format("%g", options_.first_step) + " * " + detail::format("%g", options_.ratio) +
                             "^" + k + " beside at = " + detail::format("%g", at_) +
                             " is lost in rounding; the last level is " + std::to_string(last_level_) +
-                            ": take a law that reaches deep levels less often, or BeyondLast::truncates");
+                            ": take a PMF that reaches deep levels less often, or BeyondLast::truncates");
   }
 
   F f_;
@@ -502,7 +502,7 @@ concept ComplexFunction = std::invocable < const F&,
 }  // namespace detail
 
 /// Im f(x + i h) / h with h = 2^-300: the derivative of an analytic f to the last digits, without a level, a
-/// bias or a law; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
+/// bias or a PMF; a random variable like any other. f takes std::complex<double> (and a Stream, if random),
 /// real parts and `<` only must not lose the imaginary part: no abs, no max.
 template <detail::ComplexFunction F>
 auto complex_step(F f, double at) {

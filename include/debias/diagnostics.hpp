@@ -1,6 +1,6 @@
 #pragma once
 
-// Is it finite? The verdict on a law from the rates of its sequence, before a run; and what is left if not.
+// Is it finite? The verdict on a PMF from the rates of its sequence, before a run; and what is left if not.
 //
 //   E D_k^2 ~ 2^(-beta k), work_k ~ 2^(gamma k), p_k ~ 2^(-rho k):
 //   variance finite iff rho < beta;  work finite iff rho > gamma;  fourth moment finite iff 3 rho < beta4
@@ -27,8 +27,8 @@ namespace debias {
 
 struct Verdict {
   bool finite_variance = false;
-  /// False where differences and law both fall faster than any rate: finite_variance is then true only if the
-  /// differences end, or fall faster than the root of the law.
+  /// False where differences and PMF both fall faster than any rate: finite_variance is then true only if the
+  /// differences end, or fall faster than the root of the PMF.
   bool decided = true;
   bool finite_work = false;
   double tail_index = 0;       ///< xi; the variance is finite below 1/2, the mean of |Z| below 1
@@ -39,8 +39,8 @@ struct Verdict {
   [[nodiscard]] double highest_moment() const { return 1 / tail_index; }
 };
 
-/// The verdict on a law of tail `law` for a sequence of rates `rates`. For a sum: judge(rates_of_sum(rates), law).
-Verdict judge(const Rates& rates, const TailExponent& law);
+/// The verdict on a PMF of tail `pmf` for a sequence of rates `rates`. For a sum: judge(rates_of_sum(rates), PMF).
+Verdict judge(const Rates& rates, const TailExponent& pmf);
 
 /// The rates with which `judge`, `finite_exponents` and `default_exponent` speak of a sum over all levels up to a random
 /// one, `roulette` or `independent_sum`. Level k is drawn with probability P(N >= k), so that power laws cost the sum of
@@ -60,7 +60,7 @@ struct MeasuredVerdict {
   double error = 0;  ///< of the tail index
   std::string sentence;
 };
-MeasuredVerdict judge(const MeasuredRates& rates, const TailExponent& law);
+MeasuredVerdict judge(const MeasuredRates& rates, const TailExponent& pmf);
 
 /// Means of consecutive blocks of equal length, in memory that does not grow: where the blocks become too
 /// many, pairs of them join. What is left over at the end belongs to no block.

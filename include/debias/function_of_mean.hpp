@@ -12,7 +12,7 @@
 // |x - c|^-s in f; a band-limited periodic f has no differences at all above its band. Fails where the mean
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
-// residue of an ulp of g, which a law divides by p_k.
+// residue of an ulp of g, which a PMF divides by p_k.
 // A NaN among the draws makes value and difference NaN, whatever g makes of it. Of a mean that is infinite I_k is what g
 // says (e^-inf = 0, 1 / inf = 0), and D_k is NaN where g has a gap.
 

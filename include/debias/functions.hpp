@@ -5,7 +5,7 @@
 //   gap(m, d) = g(m) - (g(m + d) + g(m - d)) / 2,  m = mean, d = half the difference of the halves
 //
 // The gap is about -g''(m) d^2 / 2. For small d that is far below the rounding of g, and subtracting leaves a
-// residue of 1e-17 that a law divides by the probability of its level. The forms here are off by some ten ulp of
+// residue of 1e-17 that a PMF divides by the probability of its level. The forms here are off by some ten ulp of
 // the gap (exponentials: |m| ulp; LogSumExp: |m| ulp of 1) and exactly zero at d = 0. Nothing is checked and nothing
 // clamped: outside its domain a function is NaN or infinite and its gap NaN, and the run reports that.
 // m and d know the smaller half to 2^-53 of the larger one only. gap_of_halves(a, b), a = m + d, b = m - d, knows both: a

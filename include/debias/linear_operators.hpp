@@ -215,7 +215,7 @@ class WalkMatrix {
 
 /// The functional <c, x> of the solution of x = A x + b by the random walk of Ulam and von Neumann: it starts
 /// at i with probability |c_i| / |c|_1 and leaves i for j with p_ij = |a_ij| / sum_j |a_ij|.
-/// Throws std::invalid_argument for sizes that do not fit, b or c that are not finite, c = 0, and when no law has a finite variance: when
+/// Throws std::invalid_argument for sizes that do not fit, b or c that are not finite, c = 0, and when no PMF has a finite variance: when
 /// the spectral radius of a_ij^2 / p_ij is not below 1.
 template <LinearOperator A>
 requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const Eigen::VectorXd& c) {

@@ -7,7 +7,7 @@
 //
 // E D_k^2 ~ 2^(-2k) for smooth f and four moments. A kink of f inside the range of E[X | Y] has {1.5, 1} and
 // a kurtosis that grows like 2^(k/2): declare it (the value of information, a maximum over decisions, is such
-// a kink). A jump has {0.5, 1}: no law with finite variance and finite work.
+// a kink). A jump has {0.5, 1}: no PMF with finite variance and finite work.
 // Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with
 // a finite fourth moment. f has to bear what such estimates may be: under a large weight they have either sign.
 // Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).

@@ -4,7 +4,7 @@
 //   I_k = 1/n_k sum_i w_i K_k(d_i),  D_k = the same n_k photons under K_k - K_(k-1)      [Misso et al. 2022]
 //   K_k: disc 1 / (pi r^2), cone 3 (1 - d/r) / (pi r^2), epanechnikov 2 (1 - d^2/r^2) / (pi r^2);  r = r_k, d < r
 //   Notation: n = photons, w = power, d = distance from the point.  E I_k - I ~ r^2, Var D_k ~ 1 / (n r^2), work n.
-// No law has finite variance and finite work. Let r^2 fall by a and n grow by m a level: E D_k^2 ~ 2^(-beta k) and
+// No PMF has finite variance and finite work. Let r^2 fall by a and n grow by m a level: E D_k^2 ~ 2^(-beta k) and
 // work ~ 2^(gamma k) with beta = min(log2 m - log2 a, 2 log2 a) < log2 m = gamma for every a, m and kernel. With finite
 // work (p_k ~ 2^(-theta k), theta > gamma) moments of |Z| end below theta / (theta - beta/2), and errors fall like
 // work^-(beta / (2 gamma)): at best (n ~ r^-6, m = a^3, "balanced") 3/2 and work^(-1/3). E|Z| = infinity for m <= a.
@@ -97,7 +97,7 @@ inline void require_radius(const char* name, double radius, double photons) {
 inline std::int64_t whole_photons(double n) {
   if (n < 0x1p62) return static_cast<std::int64_t>(std::ceil(n));
   throw std::length_error("photon: a level needs " + detail::format("%f", n) +
-                          " photons (beyond int64); choose a law with a lighter tail");
+                          " photons (beyond int64); choose a PMF with a lighter tail");
 }
 /// The last level whose number of photons, which grows, is one.
 template <class Photons>
@@ -138,8 +138,8 @@ struct GeometricRadii {
     return {std::min(std::log2(growth) - a, 2 * a), std::log2(growth)};
   }
   [[nodiscard]] bool finite_mean() const { return growth > shrink; }  ///< of |Z|
-  /// The law with the least theta that leaves the work a mean, and a tail of it that can be waited for.
-  [[nodiscard]] Geometric law() const { return Geometric::with_exponent(std::log2(growth) + 0.25); }
+  /// The PMF with the least theta that leaves the work a mean, and a tail of it that can be waited for.
+  [[nodiscard]] Geometric pmf() const { return Geometric::with_exponent(std::log2(growth) + 0.25); }
   void check() const {
     detail::require_radius("GeometricRadii", radius, photons);
     if (shrink > 1 && growth > 1 && std::isfinite(shrink) && std::isfinite(growth)) return;
@@ -169,7 +169,7 @@ struct AlphaRadii {
   }
   [[nodiscard]] Rates rates() const { return {2 + alpha - c * alpha, 1 - c * alpha, Decay::polynomial}; }
   [[nodiscard]] bool finite_mean() const { return c < 1; }
-  [[nodiscard]] RadiusLaw law() const { return RadiusLaw(alpha); }
+  [[nodiscard]] RadiusPmf pmf() const { return RadiusPmf(alpha); }
   void check() const {
     detail::require_radius("AlphaRadii", radius, photons);
     if (alpha > 0 && alpha < 1 && c >= 0 && c * alpha <= 1) return;
@@ -187,7 +187,7 @@ struct PhotonOptions {
   bool allow_infinite_mean = false;  ///< run a schedule of which E|Z| is infinite all the same
 };
 
-/// The sequence I_0, I_1, ... at a point; take the schedule's law, `single_term(levels, schedule.law())`.
+/// The sequence I_0, I_1, ... at a point; take the schedule's PMF, `single_term(levels, schedule.pmf())`.
 template <PhotonSource S, class Schedule>
 class PhotonLevels {
  public:

@@ -4,16 +4,16 @@
 //
 //   auto result = estimate(recipe(sequence), {.samples = 1'000'000});
 //
-//   pilot -> posterior of the moments of the levels -> base level, base form, law, strata -> run
+//   pilot -> posterior of the moments of the levels -> base level, base form, PMF, strata -> run
 //   variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m   [bound]
 //
-//   Notation: m = base level, p = law, members = samples of the single-term estimator; a block of them is one sample.
+//   Notation: m = base level, p = PMF, members = samples of the single-term estimator; a block of them is one sample.
 // The pilot draws from streams of its own, so the run knows nothing of it. It draws levels with equal work each, 2^14
 // draws of the base in all at first, then four times as much, and stops at a yes: shown, or likely after a tenth of the
 // run's work. While the answer is open it goes on to the run's own work and no further, and the run goes on: the pilot's
 // levels and its own then widen its interval. Levels that were hardly seen get the mass that the posterior asks for,
 // never less. Throws only where a no is shown or likely (statistics/evidence.hpp says what no rule decides).
-// Sources: Rhee & Glynn, Oper. Res. 63 (2015), the law; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
+// Sources: Rhee & Glynn, Oper. Res. 63 (2015), the PMF; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cmath>
 #include <cstdint>
@@ -53,14 +53,14 @@ struct Advice {
   Base base = Base::drawn;
   bool shares_base = false;    ///< base and difference come from one draw
   bool runs_together = false;  ///< the members of a level, which are then stratified over their first number too
-  AnyPmf law = AnyPmf(Geometric(0.5));
-  TailExponent exponent{};    ///< of the law
+  AnyPmf pmf = AnyPmf(Geometric(0.5));
+  TailExponent exponent{};    ///< of the PMF
   std::int64_t block = 1;     ///< members of a block, with systematic strata
   std::int64_t members = 0;   ///< of the run, a multiple of the block
   VarianceAndWork predicted;  ///< of one member
   double bound = 0;           ///< of variance x work, for draws that share nothing
   double highest_moment = 0;  ///< moments of a sample are finite below this order
-  /// Of variance x work, for a law that falls faster than the best one since levels beyond the deepest cannot be drawn
+  /// Of variance x work, for a PMF that falls faster than the best one since levels beyond the deepest cannot be drawn
   /// (core/reach.hpp); 1 where the best one does.
   double price = 1;
   std::int64_t deepest_level = deepest_of_all;  ///< that the sequence can draw
@@ -107,11 +107,11 @@ std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
   return debias::stratified(
-      debias::single_term(sequence, advice.law, {.base_level = advice.base_level, .base = advice.base}), advice.block);
+      debias::single_term(sequence, advice.pmf, {.base_level = advice.base_level, .base = advice.base}), advice.block);
 }
 
 namespace detail {
-/// The plan of the run in blocks, with the pilot that it took. Throws std::invalid_argument where no law has finite variance and finite work.
+/// The plan of the run in blocks, with the pilot that it took. Throws std::invalid_argument where no PMF has finite variance and finite work.
 Plan plan_of(const Plan& plan, const Advice& advice);
 /// Goal of the whole, and its doubts as warnings, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
@@ -119,7 +119,7 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 
 /// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
 /// The pilot counts in the work and the seconds of the result.
-/// Throws std::invalid_argument, with the reasons, where no law is shown or likely to have finite variance and finite
+/// Throws std::invalid_argument, with the reasons, where no PMF is shown or likely to have finite variance and finite
 /// work, UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {

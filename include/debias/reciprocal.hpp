@@ -5,7 +5,7 @@
 //   name                 needs               one sample is                               variance/I^2    work
 //   reciprocal           X of one sign       1 / mean of 2^k draws, doubling             least           2^k
 //   clamped_reciprocal   X >= 0, zeros too   the same, means below 2^-(k+1) clamped      small           2^k
-//   reciprocal_series    |X - a| < a, say    sum of (1 - X/a)^k / a, term by term        the law's       1/s
+//   reciprocal_series    |X - a| < a, say    sum of (1 - X/a)^k / a, term by term        the PMF's       1/s
 //   reciprocal_trials    0 <= X <= M         trials until u M < X, over M; positive      1 - E X / M     M/E X
 //   reciprocal_residual  m <= X <= M         prod (M - X_i) / (M - m) / m; positive      (*), w = 1/M    M/m
 //   reciprocal_product   w < 2 E X / E X^2   w prod (1 - w X_i) / P(K), K geometric      (*)             1/(1-s)

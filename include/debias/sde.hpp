@@ -8,7 +8,7 @@
 //
 //   Notation: a = drift, b = diffusion, b_x = diffusion_derivative, T = horizon, h = T 2^-k.
 // Lipschitz payoffs of the end, an average or an extreme: E D_k^2 ~ 2^(-2 k) under milstein, 2^(-1.5 k)
-// behind a barrier (declare it), 2^-k under euler, where no law has finite variance and finite work. With
+// behind a barrier (declare it), 2^-k under euler, where no PMF has finite variance and finite work. With
 // additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
 // Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
 // above. A path that leaves the finite numbers makes its sample NaN, whatever the payoff makes of it.
@@ -421,7 +421,7 @@ class SdeLevels {
   static std::int64_t steps_of(std::int64_t level) {
     if (level > last_level) {
       throw std::length_error("sde: level " + std::to_string(level) + " has 2^" + std::to_string(level) +
-                              " steps, more than can be counted; take a law that falls faster");
+                              " steps, more than can be counted; take a PMF that falls faster");
     }
     return std::int64_t{1} << level;
   }

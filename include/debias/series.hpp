@@ -8,8 +8,8 @@
 //   term k is the same number whichever others are drawn.
 // Assumes sum E|term k| < infinity; an alternating series may have it only when `paired`. A term on its own
 // costs 1 whatever k, a path of terms (roulette) all of them. Fails where a_k falls like a power of k and the
-// law is geometric: unit increments then have infinite variance, sum E a_k^2 / p_k, and no sample shows it.
-// Declare `polynomial_terms` and take a zeta law, or take `blocks`, whose levels fall geometrically. A
+// PMF is geometric: unit increments then have infinite variance, sum E a_k^2 / p_k, and no sample shows it.
+// Declare `polynomial_terms` and take a zeta PMF, or take `blocks`, whose levels fall geometrically. A
 // deterministic prefix before the random tail is the base level.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
@@ -136,7 +136,7 @@ class RatedSeries : public Series<T> {
   Rates rates;
 };
 
-/// The series of the given terms; a law has to be named.
+/// The series of the given terms; a PMF has to be named.
 template <SeriesTerm T>
 Series<T> series(T term) {
   return Series<T>(std::move(term));
@@ -164,7 +164,7 @@ inline Rates geometric_terms(double ratio) {
   return {-2 * std::log2(std::abs(ratio)), 0};
 }
 
-/// Terms that fall like k^-exponent. Only above 1 has some law finite variance and finite work.
+/// Terms that fall like k^-exponent. Only above 1 has some PMF finite variance and finite work.
 /// Throws std::invalid_argument unless exponent > 0.
 inline Rates polynomial_terms(double exponent) {
   if (!(exponent > 0)) {
@@ -197,7 +197,7 @@ struct PairOfTerms {
   static std::int64_t first_of(std::int64_t k) {
     if (k > std::numeric_limits<std::int64_t>::max() / 2) {
       throw std::length_error("paired: pair " + std::to_string(k) +
-                              " has terms beyond 2^63; take a law that falls faster");
+                              " has terms beyond 2^63; take a PMF that falls faster");
     }
     return 2 * k;
   }
@@ -264,7 +264,7 @@ class Blocks {
   static std::int64_t end_of(std::int64_t level) {
     if (level > 62) {
       throw std::length_error("blocks: level " + std::to_string(level) +
-                              " has terms beyond 2^62; take a law that falls faster");
+                              " has terms beyond 2^62; take a PMF that falls faster");
     }
     return std::int64_t{1} << level;
   }
@@ -288,7 +288,7 @@ Blocks<T> blocks(const Series<T>& s, const Rates& rates) {
   return {s, rates};
 }
 
-/// Blocks with the rates that the terms imply: a_k ~ k^-s makes blocks like 2^((1 - s) k), so that some law
+/// Blocks with the rates that the terms imply: a_k ~ k^-s makes blocks like 2^((1 - s) k), so that some PMF
 /// has finite variance and finite work when s > 3/2; geometric terms make blocks that fall faster than any
 /// rate. For terms of one sign; pair an alternating series first.
 template <SeriesTerm T>
@@ -319,7 +319,7 @@ constexpr Mistake mistake_in_path() {
 
 /// The terms of a series along one path: term k is read off the state that `start` gives and `advance` has
 /// advanced k times. A light path is one: the state holds the vertex and the throughput, term k is what depth
-/// k adds, and I_k the image at maximal path depth k. Under a geometric law whose survival 1 - r is the
+/// k adds, and I_k the image at maximal path depth k. Under a geometric PMF whose survival 1 - r is the
 /// albedo, `roulette` is then classical Russian roulette: the weight cancels the throughput.
 template <class Start, class Advance, class Read>
 class PathSeries {

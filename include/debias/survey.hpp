@@ -5,7 +5,7 @@
 //   per level   mean and variance of I_k and D_k, E D_k^2, kurtosis E D_k^4 / (E D_k^2)^2, work, seconds
 //   z           E[I_k - D_k] = E[I_(k-1)], from independent draws, in standard errors: 0 +- 1 for a right coupling
 //   rates       weighted regression of log2 E D_k^2, |E D_k|, E D_k^4, work on k (or on log2(k + 1))
-//   answer      a law with finite variance and work exists: yes or no, shown or likely, or open (statistics/evidence.hpp)
+//   answer      a PMF with finite variance and work exists: yes or no, shown or likely, or open (statistics/evidence.hpp)
 //
 //   Notation: alpha, beta, beta4, gamma = MeasuredRates::mean, variance, fourth, work.
 // The rates are a report: a level takes part with ten times its kurtosis in draws, and shallow levels leave the fit until
@@ -60,7 +60,7 @@ struct SurveyRow {
 struct Survey {
   std::vector<SurveyRow> rows;
   MeasuredRates rates;
-  Answer law_exists = Answer::open;
+  Answer pmf_exists = Answer::open;
   Grade grade = Grade::open;         ///< of the answer
   Evidence evidence;                 ///< that it is drawn from
   std::vector<std::string> remarks;  ///< in words: pre-asymptotic levels, exact zeros, a coupling that is wrong

@@ -266,7 +266,7 @@ template <class F, Expandable G, Pmf P>
 auto u_statistics(const Ray<F>& ray, const G& g, std::int64_t points, P order) {
   return debias::taylor_sum(debias::comb_mean(ray.extinction, points, 0, ray.length), g, drawn_pivot, std::move(order));
 }
-/// With the order law and the combs of its authors, from the majorant.
+/// With the order PMF and the combs of its authors, from the majorant.
 template <class F>
 auto u_statistics(const Ray<F>& ray) {
   detail::require_majorant("u_statistics", ray);

@@ -25,9 +25,9 @@ errors = (0.2, 0.1, 0.05, 0.025, 0.0125)
 mlmc = [debias.estimate("european-call", estimator="multilevel", error=e) for e in errors]
 debias.plot.speed_against_error({
     "multilevel, its bias included": [(r.work, np.hypot(r.standard_error, r["bias"])) for r in mlmc],
-    "single term, r = 0.65 by hand": [debias.estimate("european-call", law="geometric:r=0.65", error=e)
+    "single term, r = 0.65 by hand": [debias.estimate("european-call", pmf="geometric:r=0.65", error=e)
                                       for e in errors],
-    "recipe": [debias.estimate("european-call", law="auto", error=e) for e in errors],
+    "recipe": [debias.estimate("european-call", pmf="auto", error=e) for e in errors],
 }, time="work", title="european-call: error against work", ax=ax)
 save("speed_against_error", figure)
 

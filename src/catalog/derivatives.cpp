@@ -76,7 +76,7 @@ Problem black_scholes_delta() {
                                "Phi(d1)"},
                    finite_difference(call_payoff, 100.0, {.first_step = 10}, Rates{1, 0}));
   // The best exponent, 1/2, would reach the rounding horizon (level 47) once in ten million samples.
-  p.law = AnyPmf(Geometric::with_exponent(0.8));
+  p.pmf = AnyPmf(Geometric::with_exponent(0.8));
   return p;
 }
 
@@ -95,7 +95,7 @@ Problem black_scholes_gamma() {
                .name = "black-scholes-gamma",
                .module = "derivative.hpp",
                .truth = 0.01876201734584689391871,
-               .formula = "d2/dS2 of the same call: phi(d1) / (S sigma sqrt T); differences grow, no law exists"},
+               .formula = "d2/dS2 of the same call: phi(d1) / (S sigma sqrt T); differences grow, no PMF exists"},
               finite_difference(call_payoff, 100.0, {.kind = Difference::second, .first_step = 10}, Rates{-1, 0}));
 }
 

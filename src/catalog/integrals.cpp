@@ -115,7 +115,7 @@ Problem davis(Facts facts, double c, double slope) {
   add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
       taylor_sum(x, g, middle, Geometric(0.6)));
   add_p_series_cumulative(p, taylor(x, g, slope), g(slope));
-  // Not the law of Bhanot and Kennedy: the terms fall like 0.15^k only.
+  // Not the PMF of Bhanot and Kennedy: the terms fall like 0.15^k only.
   add_u_statistics(p, extinction, g, 5, Geometric(0.9));
   add_jittered(p, extinction, g, 1);
   // T = E exp(-m tau), m ~ Gamma(1 / c^2, c^2).

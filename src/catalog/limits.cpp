@@ -1,4 +1,4 @@
-// Deterministic limits: no inner noise, so they test laws, weights and the bookkeeping alone.
+// Deterministic limits: no inner noise, so they test PMFs, weights and the bookkeeping alone.
 
 #include <cmath>
 

@@ -51,14 +51,14 @@ auto with_estimator(const S& sequence, const Terms& terms, const Choice& c, cons
     case Method::single_term:
     case Method::single_term_drawn: {
       const Base base = c.method == Method::single_term ? Base::always : Base::drawn;
-      const auto member = single_term(sequence, c.law, {.base_level = c.base_level, .base = base});
+      const auto member = single_term(sequence, c.pmf, {.base_level = c.base_level, .base = base});
       return c.block > 1 ? use(stratified(member, c.block)) : use(member);
     }
     case Method::independent_sum:
-      return use(independent_sum(sequence, c.law, {.base_level = c.base_level}));
+      return use(independent_sum(sequence, c.pmf, {.base_level = c.base_level}));
     case Method::roulette:
       if constexpr (TermSequence<Terms>) {
-        return use(roulette(terms, c.law, {.base_level = c.base_level}));
+        return use(roulette(terms, c.pmf, {.base_level = c.base_level}));
       } else {
         throw std::invalid_argument(
             "roulette: this problem has levels, not terms in order (roulette needs a series); try "
@@ -119,7 +119,7 @@ Problem make(Facts facts, const S& sequence, const Rates& rates) {
   return detail::make(std::move(facts), sequence, detail::NoTerms{}, rates);
 }
 
-/// Gives a problem a method of its own: an estimator that needs neither law nor level from outside.
+/// Gives a problem a method of its own: an estimator that needs neither PMF nor level from outside.
 template <Estimator E>
 void add(Problem& p, Special special, const E& e) {
   p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) -> Statistics {

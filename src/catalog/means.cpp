@@ -34,29 +34,29 @@ struct Kurtosis {
   std::string reason = {};
 };
 
-// The power series of g about a centre, weighted and averaged in every way. `law` is that of the order,
+// The power series of g about a centre, weighted and averaged in every way. `pmf` is that of the order,
 // `reference` the size to which roulette on the running weight reduces terms.
 template <RandomVariable X, Expandable G, class C, Pmf P>
-void add_series(Problem& p, const X& x, const G& g, const C& centre, const P& law, double reference,
+void add_series(Problem& p, const X& x, const G& g, const C& centre, const P& pmf, double reference,
                 const Kurtosis& known = {}) {
   const auto series = taylor(x, g, centre);
   const auto special = [&known](const char* name, const char* description) {
     return Special{name, description, known.value, known.reason};
   };
   add(p, special("taylor_single_term", "one term of the power series about a centre"),
-      single_term(series, law, {.base = Base::drawn}));
-  add(p, special("taylor", "the power series about a centre, with roulette"), roulette(series, law));
+      single_term(series, pmf, {.base = Base::drawn}));
+  add(p, special("taylor", "the power series about a centre, with roulette"), roulette(series, pmf));
   add(p, special("taylor_prefix", "the power series, terms to the third, then roulette"),
-      roulette(series, law, {.base_level = 3}));
+      roulette(series, pmf, {.base_level = 3}));
   add(p, special("taylor_running_weight", "the power series with roulette on the running weight"),
       roulette(series, RunningWeight(reference)));
   add(p, special("taylor_cyclic", "the power series about a centre, with cyclic products"),
-      taylor_sum(x, g, centre, law, {.products = Products::cyclic}));
+      taylor_sum(x, g, centre, pmf, {.products = Products::cyclic}));
   add(p, special("taylor_symmetric", "the power series about a centre, with symmetric products"),
-      taylor_sum(x, g, centre, law));
+      taylor_sum(x, g, centre, pmf));
 }
 
-// About the best centre for these moments of X. The survival 1 - r of the law lies above the cube root of
+// About the best centre for these moments of X. The survival 1 - r of the PMF lies above the cube root of
 // E ((X - a) / R)^4, so that fourth moments are finite.
 template <RandomVariable X, Expandable G>
 void add_series(Problem& p, const X& x, const G& g, double mean, double square, double r, double reference = 0.5) {
@@ -139,7 +139,7 @@ Problem log_of_mean() {
                     .formula = "log E X, X lognormal(0, 1): 1/2"},
                    function_of_mean(x, functions::Log{}));
   const Kurtosis infinite{std::numeric_limits<double>::infinity(),
-                          "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any law"};
+                          "E (1 - X/a)^4 = 5.1 at a = E X^2 / E X: the fourth moment is infinite under any PMF"};
   add_series(p, x, functions::Log{}, std::exp(1.5), Geometric(0.25), 0.5, infinite);
   return p;
 }
@@ -309,7 +309,7 @@ Problem entropy() {
                     .formula = "entropy of (0.5, 0.3, 0.2) from counts, 0 log 0 = 0"},
                    function_of_mean(x, g));
   // Term by term about 1 = E X^2 / E X; the rarest outcome leaves b = E (1 - X)^2 = 0.8.
-  const Geometric law(0.06);
+  const Geometric pmf(0.06);
   const auto summed = [](const auto& e) {
     return [e](Stream& rng) {
       NullRecord none;
@@ -318,11 +318,11 @@ Problem entropy() {
     };
   };
   add(p, {.name = "taylor", .description = "the power series about a centre, with roulette"},
-      summed(roulette(taylor(x, MinusXLogX{}, 1.0), law)));
+      summed(roulette(taylor(x, MinusXLogX{}, 1.0), pmf)));
   add(p, {.name = "taylor_cyclic", .description = "the power series about a centre, with cyclic products"},
-      summed(taylor_sum(x, MinusXLogX{}, 1.0, law, {.products = Products::cyclic})));
+      summed(taylor_sum(x, MinusXLogX{}, 1.0, pmf, {.products = Products::cyclic})));
   add(p, {.name = "taylor_symmetric", .description = "the power series about a centre, with symmetric products"},
-      summed(taylor_sum(x, MinusXLogX{}, 1.0, law)));
+      summed(taylor_sum(x, MinusXLogX{}, 1.0, pmf)));
   return p;
 }
 

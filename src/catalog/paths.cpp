@@ -67,7 +67,7 @@ Problem gbm_by_euler() {
                .name = "gbm-by-euler",
                .module = "sde.hpp",
                .truth = 100,
-               .formula = "discounted E S_T by Euler's scheme: 100; variance and work at the border, no law exists"},
+               .formula = "discounted E S_T by Euler's scheme: 100; variance and work at the border, no PMF exists"},
               euler(stock, [](double s) { return std::exp(-0.05) * s; }));
 }
 

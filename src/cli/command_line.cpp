@@ -33,7 +33,7 @@ struct Subcommand : Typed {
 void add_choice(Subcommand& c) {
   c.problem();
   c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
-  c.value("law", "LAW", "Law of the random level, see `debias list laws`");
+  c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
   c.value("block", "N", "Members of a block of systematic strata, which is one sample");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
 }
@@ -106,7 +106,7 @@ const Subcommand& chosen(const CLI::App& app, const std::deque<Subcommand>& comm
       "`debias --help`");
 }
 
-// A law or a base level that asks for the impossible is found out in the middle of a run.
+// A PMF or a base level that asks for the impossible is found out in the middle of a run.
 int report_sample(const SampleError& error) {
   const std::string which = "--seed " + std::to_string(error.seed()) + " --sample " + std::to_string(error.index());
   try {
@@ -172,16 +172,16 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
     return add_to(app, name, description, examples);
   };
 
-  Subcommand& list = add("list", "What there is: problems, estimators, laws",
+  Subcommand& list = add("list", "What there is: problems, estimators, PMFs",
                          "  debias list\n"
-                         "  debias list laws --json");
-  list.app->add_option("TOPIC", list.words.values["topic"], "problems, estimators or laws");
+                         "  debias list pmfs --json");
+  list.app->add_option("TOPIC", list.words.values["topic"], "problems, estimators or pmfs");
 
   Subcommand& run = add("run", "Estimate one problem",
                         "  debias run A01\n"
                         "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-                        "  debias run A01 --law auto --error 1e-4      a pilot chooses law, base and strata\n"
-                        "  debias run A01 --estimator independent_sum --law geometric:r=0.6 --json -o result.json");
+                        "  debias run A01 --pmf auto --error 1e-4      a pilot chooses PMF, base and strata\n"
+                        "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
   add_choice(run);
   add_plan(run);
   add_goal(run);
@@ -208,7 +208,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
 
   Subcommand& replay = add("replay", "Draw one sample of a run again, with every level it touched",
                            "  debias replay A01 --seed 1 --sample 123456\n"
-                           "  debias replay A01 --law geometric:r=0.6 --seed 7 --sample 0 --json");
+                           "  debias replay A01 --pmf geometric:r=0.6 --seed 7 --sample 0 --json");
   for (const char* field : {"seed", "sample"}) replay.words.values[field].clear();  // neither has a usual value
   add_choice(replay);
   replay.value("seed", "S", "The seed of the run")->required();
@@ -232,7 +232,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   add_checkpoint(validate);
   add_output(validate);
 
-  Subcommand& survey = add("survey", "Measure the levels of a problem: decay, growth, and whether a law exists",
+  Subcommand& survey = add("survey", "Measure the levels of a problem: decay, growth, and whether a PMF exists",
                            "  debias survey A01\n"
                            "  debias survey A01 --levels 12 --samples 1e5 --json");
   survey.problem();
@@ -240,12 +240,12 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   add_plan(survey);
   add_output(survey);
 
-  Subcommand& tradeoff = add("tradeoff", "Sweep the law of a problem: variance against work",
+  Subcommand& tradeoff = add("tradeoff", "Sweep the PMF of a problem: variance against work",
                              "  debias tradeoff A10\n"
                              "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
   tradeoff.problem();
   tradeoff.value("family", "NAME", "geometric, zeta or poisson");
-  tradeoff.value("points", "K", "Laws to try");
+  tradeoff.value("points", "K", "PMFs to try");
   tradeoff.value("estimator", "NAME", "single_term or single_term_drawn");
   tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
   tradeoff.value("block", "N", "Members of a block of systematic strata");

@@ -16,7 +16,7 @@ using namespace debias::commands;
 
 constexpr auto most = std::numeric_limits<std::int64_t>::max();
 
-constexpr std::array<std::string_view, 3> topics = {"problems", "estimators", "laws"};
+constexpr std::array<std::string_view, 3> topics = {"problems", "estimators", "pmfs"};
 constexpr std::array<std::string_view, 2> scenes = {"direct", "sphere"};
 
 struct FormatName {
@@ -139,7 +139,7 @@ class Reader {
   void method(const Method*& x, const Method& (*named)(const std::string&)) const {
     if (!text("estimator").empty()) x = &named(text("estimator"));
   }
-  void law(Law& x) const { x = law_of(text("law")); }
+  void pmf(PmfChoice& x) const { x = pmf_of(text("pmf")); }
   void format(numbers::Request& x) const {
     const std::string& t = text("format");
     std::vector<std::string_view> names;
@@ -237,9 +237,9 @@ class Writer {
   void method(const Method* x, const Method& (*)(const std::string&)) {
     text("estimator", x != nullptr ? std::string(x->name) : "");
   }
-  void law(const Law& x) {
-    const AnyPmf* law = std::get_if<AnyPmf>(&x);
-    text("law", law != nullptr ? law->spec() : std::holds_alternative<ByRecipe>(x) ? "auto" : "declared");
+  void pmf(const PmfChoice& x) {
+    const AnyPmf* pmf = std::get_if<AnyPmf>(&x);
+    text("pmf", pmf != nullptr ? pmf->spec() : std::holds_alternative<ByRecipe>(x) ? "auto" : "declared");
   }
   void format(const numbers::Request& x) {
     for (const FormatName& f : formats) {
@@ -280,7 +280,7 @@ void goal(Way& way, Goal& g, const std::string& before = "") {
 template <class Way>
 void shape(Way& way, Shape& s) {
   way.estimator(s.estimator);
-  way.law(s.law);
+  way.pmf(s.pmf);
   way.count_or("auto", "base_level", s.base_level, 0);
   way.count("block", s.block, 1);
 }
@@ -298,7 +298,7 @@ void draws(Way& way, R& r) {
 template <class Way>
 void layout(Way& way, ListRequest& r) {
   auto topic = static_cast<std::size_t>(r.topic);
-  way.word("topic", topic, topics, "list:", "nothing is called so", "; write problems, estimators or laws");
+  way.word("topic", topic, topics, "list:", "nothing is called so", "; write problems, estimators or pmfs");
   r.topic = static_cast<Topic>(topic);
 }
 

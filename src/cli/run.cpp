@@ -99,7 +99,7 @@ void refuse_existing(const RunRequest& request, const std::string& path) {
 }
 
 // Runs a request from what is there, and keeps it at `path`, if there is one. The text on disk is the one given until the
-// first samples are there, and then that of the very run: its law and its samples.
+// first samples are there, and then that of the very run: its PMF and its samples.
 int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, const std::string& path, std::string text,
                  const Delivery& delivery) {
   keep_apart(delivery.output, path);

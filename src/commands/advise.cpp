@@ -27,7 +27,7 @@ Fields fields(const AdviceReport& report) {
   const Advice& a = report.advice;
   Fields f = describe(*report.problem);
   append(f, {{"seed", a.survey.seed},
-             {"law", a.law.spec()},
+             {"pmf", a.pmf.spec()},
              {"base_level", a.base_level},
              {"base", a.base == Base::drawn ? "drawn" : "always"},
              {"block", a.block}});

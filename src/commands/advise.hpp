@@ -1,6 +1,6 @@
 #pragma once
 
-// What a pilot would choose: base level, law and strata, and what they are worth.
+// What a pilot would choose: base level, PMF and strata, and what they are worth.
 
 #include <iosfwd>
 
@@ -13,7 +13,7 @@ namespace debias::commands {
 
 struct AdviseRequest {
   const catalog::Problem* problem = nullptr;
-  Shape shape = {};  ///< what it gives is not left to the pilot; its law does not matter
+  Shape shape = {};  ///< what it gives is not left to the pilot; its PMF does not matter
   Sampling sampling = {};
 };
 

@@ -35,9 +35,9 @@ Fields describe(const catalog::Problem& problem) {
 
 Fields describe(const catalog::Problem& problem, const catalog::Choice& choice) {
   Fields f = describe(problem);
-  const std::string law = law_text(choice);
+  const std::string pmf = pmf_text(choice);
   append(f, {{"estimator", catalog::name_of(choice)},
-             {"law", law.empty() ? Node(nullptr) : Node(law)},
+             {"pmf", pmf.empty() ? Node(nullptr) : Node(pmf)},
              {"base_level", choice.base_level},
              {"block", choice.block}});
   return f;
@@ -119,7 +119,7 @@ Fields describe(const Advice& a) {
           {"highest_moment", a.highest_moment},
           {"pilot_work", a.pilot_work},
           {"price", a.price},
-          {"law_exists", name_of(a.survey.law_exists)},
+          {"pmf_exists", name_of(a.survey.pmf_exists)},
           {"grade", name_of(a.survey.grade)},
           {"rates", describe(a.survey.rates)},
           {"sentences", a.sentences},

@@ -12,7 +12,7 @@
 
 namespace debias::commands {
 
-/// Which problem, estimator, law, base level and block; a problem of the user's own has no id.
+/// Which problem, estimator, PMF, base level and block; a problem of the user's own has no id.
 Fields describe(const catalog::Problem& problem, const catalog::Choice& choice);
 Fields describe(const catalog::Problem& problem);
 Fields describe(const Interval& interval);

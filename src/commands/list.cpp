@@ -18,14 +18,14 @@ std::string variance_text(const Rates& rates) {
   return std::isinf(rates.variance) ? "faster than any rate" : power(-rates.variance, rates.decay);
 }
 
-Row header(const catalog::Problem&) { return {"id", "name", "module", "variance", "work", "law", "truth", "source"}; }
+Row header(const catalog::Problem&) { return {"id", "name", "module", "variance", "work", "pmf", "truth", "source"}; }
 Row row(const catalog::Problem& p) {
   return {p.id,
           p.name,
           p.module,
           variance_text(p.rates),
           power(p.rates.work, p.rates.decay),
-          law_exists(p.rates) ? catalog::default_law(p).spec() : "none",
+          pmf_exists(p.rates) ? catalog::default_pmf(p).spec() : "none",
           rounded(p.truth, 10),
           p.formula};
 }
@@ -40,7 +40,7 @@ Fields describe(const catalog::Problem& p) {
                              : p.rates.decay == Decay::geometric ? "geometric"
                                                                  : "polynomial"},
           {"work_rate", p.rates.work},
-          {"law_exists", law_exists(p.rates)},
+          {"pmf_exists", pmf_exists(p.rates)},
           {"source", p.formula}};
 }
 
@@ -56,7 +56,7 @@ Fields describe(const AnyPmf::Form& f) { return {{"name", f.name}, {"example", f
 
 ListReport list(const ListRequest& request) {
   if (request.topic == Topic::problems) return {std::span(catalog::problems())};
-  if (request.topic == Topic::laws) return {AnyPmf::forms()};
+  if (request.topic == Topic::pmfs) return {AnyPmf::forms()};
   std::vector<EstimatorEntry> entries;
   for (const catalog::Method m : catalog::methods()) {
     entries.push_back({std::string(catalog::name_of(m)), std::string(catalog::describe(m))});

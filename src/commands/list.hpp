@@ -1,6 +1,6 @@
 #pragma once
 
-// What there is: problems, estimators, laws.
+// What there is: problems, estimators, PMFs.
 
 #include <iosfwd>
 #include <span>
@@ -13,7 +13,7 @@
 
 namespace debias::commands {
 
-enum class Topic { problems, estimators, laws };
+enum class Topic { problems, estimators, pmfs };
 
 struct ListRequest {
   Topic topic = Topic::problems;

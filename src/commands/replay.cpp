@@ -13,7 +13,7 @@ namespace debias::commands {
 
 ReplayReport replay(const ReplayRequest& request) {
   if (request.shape.by_recipe()) {
-    throw BadRequest({Field{"law"}, " auto (a replay needs the law itself); give the one that the run has printed"});
+    throw BadRequest({Field{"pmf"}, " auto (a replay needs the PMF itself); give the one that the run has printed"});
   }
   const catalog::Choice choice = choice_of(request.shape, *request.problem);
   return {request.problem, choice, request.seed, request.sample,
@@ -23,7 +23,7 @@ ReplayReport replay(const ReplayRequest& request) {
 void print(std::ostream& out, const ReplayReport& replay) {
   const Sample<double>& sample = replay.trace.sample;
   print_line(out, "problem", title(*replay.problem));
-  print_line(out, "estimator", std::string(catalog::name_of(replay.choice)) + " " + law_text(replay.choice));
+  print_line(out, "estimator", std::string(catalog::name_of(replay.choice)) + " " + pmf_text(replay.choice));
   print_line(out, "sample", std::to_string(replay.index) + ", seed " + std::to_string(replay.seed));
   print_line(out, "value", to_text(sample.value));
   print_line(out, "level", std::to_string(sample.level));

@@ -27,7 +27,7 @@ struct ReplayReport {
   Trace<double> trace;
 };
 
-/// Throws BadRequest for a law by recipe: a replay needs the law itself.
+/// Throws BadRequest for a PMF by recipe: a replay needs the PMF itself.
 ReplayReport replay(const ReplayRequest& request);
 
 void print(std::ostream& out, const ReplayReport& report);

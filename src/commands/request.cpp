@@ -8,7 +8,7 @@ namespace debias::commands {
 namespace {
 
 const Field estimator_field{"estimator"};
-const Field law_field{"law"};
+const Field pmf_field{"pmf"};
 const Field block_field{"block"};
 const Field samples_field{"samples"};
 
@@ -39,12 +39,12 @@ catalog::Method method_of(const Shape& shape, const catalog::Problem& problem) {
                                          (problem.id.empty() ? problem.name : problem.id) + "); it has " + names});
 }
 
-AnyPmf law_of(const Law& law, const catalog::Problem& problem, catalog::Method method) {
-  if (const AnyPmf* given = std::get_if<AnyPmf>(&law)) return *given;
+AnyPmf pmf_of(const PmfChoice& pmf, const catalog::Problem& problem, catalog::Method method) {
+  if (const AnyPmf* given = std::get_if<AnyPmf>(&pmf)) return *given;
   try {
-    return catalog::default_law(problem, method);
+    return catalog::default_pmf(problem, method);
   } catch (const std::invalid_argument& e) {
-    throw BadRequest({law_field, std::string(" declared: ") + e.what()});
+    throw BadRequest({pmf_field, std::string(" declared: ") + e.what()});
   }
 }
 
@@ -75,34 +75,34 @@ std::string name_of(const Estimator& estimator) {
   return estimator.special.empty() ? std::string(catalog::name_of(estimator.method)) : estimator.special;
 }
 
-Law law_of(const std::string& text) {
+PmfChoice pmf_of(const std::string& text) {
   if (text == "declared") return Declared{};
   if (text == "auto") return ByRecipe{};
   try {
     return AnyPmf::parse(text);
   } catch (const std::invalid_argument& e) {
-    throw BadRequest({law_field, std::string(": ") + e.what()});
+    throw BadRequest({pmf_field, std::string(": ") + e.what()});
   }
 }
 
 catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
-  const bool declared = std::holds_alternative<Declared>(shape.law);
+  const bool declared = std::holds_alternative<Declared>(shape.pmf);
   const std::string special = shape.estimator ? shape.estimator->special : "";
   if (catalog::find_special(problem, special) != nullptr) {
     if (!declared || shape.base_level || shape.block != 1) {
       throw BadRequest(
-          {estimator_field, " = '" + special + "' (has no law, base level or block to choose); leave them out"});
+          {estimator_field, " = '" + special + "' (has no PMF, base level or block to choose); leave them out"});
     }
     return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, special};
   }
   const catalog::Method method = method_of(shape, problem);
-  const bool takes_law = method != catalog::Method::truncated;
-  if (!takes_law && !declared) {
-    const AnyPmf* law = std::get_if<AnyPmf>(&shape.law);
+  const bool takes_pmf = method != catalog::Method::truncated;
+  if (!takes_pmf && !declared) {
+    const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf);
     throw BadRequest(
-        {law_field, " = '" + (law != nullptr ? law->spec() : "auto") + "' (truncated draws no level); leave it out"});
+        {pmf_field, " = '" + (pmf != nullptr ? pmf->spec() : "auto") + "' (truncated draws no level); leave it out"});
   }
-  return {method, takes_law ? law_of(shape.law, problem, method) : AnyPmf(Geometric(0.5)),
+  return {method, takes_pmf ? pmf_of(shape.pmf, problem, method) : AnyPmf(Geometric(0.5)),
           shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
 }
 
@@ -121,13 +121,13 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   options.base_level = shape.base_level;
   if (shape.block != 1) {
     throw BadRequest(
-        {block_field, " = '" + std::to_string(shape.block) + "' (", law_field, " auto chooses it); leave it out"});
+        {block_field, " = '" + std::to_string(shape.block) + "' (", pmf_field, " auto chooses it); leave it out"});
   }
   if (!shape.estimator) return options;
   if (catalog::find_special(problem, shape.estimator->special) != nullptr ||
       !is_single_term(method_of(shape, problem))) {
     throw BadRequest(
-        {law_field,
+        {pmf_field,
          " auto: '" + name_of(*shape.estimator) + "' (a recipe is for single_term and single_term_drawn); leave ",
          estimator_field, " out"});
   }

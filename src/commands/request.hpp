@@ -53,27 +53,27 @@ struct Estimator {
 Estimator estimator_of(const std::string& name);
 std::string name_of(const Estimator& estimator);
 
-/// The law that the declared rates ask for.
+/// The PMF that the declared rates ask for.
 struct Declared {};
-/// Law, base level and block from a pilot.
+/// PMF, base level and block from a pilot.
 struct ByRecipe {};
-using Law = std::variant<Declared, ByRecipe, AnyPmf>;
-/// From "declared", "auto" or the text of a law. Throws BadRequest.
-Law law_of(const std::string& text);
+using PmfChoice = std::variant<Declared, ByRecipe, AnyPmf>;
+/// From "declared", "auto" or the text of a PMF. Throws BadRequest.
+PmfChoice pmf_of(const std::string& text);
 
 /// What one sample is.
 struct Shape {
   std::optional<Estimator> estimator = {};      ///< single_term
-  Law law = Declared{};                         ///< of the random level
+  PmfChoice pmf = Declared{};                         ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
   std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
 
-  [[nodiscard]] bool by_recipe() const { return std::holds_alternative<ByRecipe>(law); }
+  [[nodiscard]] bool by_recipe() const { return std::holds_alternative<ByRecipe>(pmf); }
 };
 
 /// The shape with nothing left open, for a problem. Throws BadRequest where its fields do not go together.
 catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem);
-/// The same for a sweep over laws: single terms only, and no law.
+/// The same for a sweep over PMFs: single terms only, and no PMF.
 catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem);
 /// What a shape leaves to a recipe.
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem);

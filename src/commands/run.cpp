@@ -28,7 +28,7 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
   }
   if (std::isnan(problem.rates.variance)) return v;  // nothing is declared
   if (choice.method != catalog::Method::truncated) {
-    return judge(rates_of(problem, choice.method), choice.law.tail_exponent());
+    return judge(rates_of(problem, choice.method), choice.pmf.tail_exponent());
   }
   v.sentence = "one level only: its bias is no part of the standard error";
   return v;
@@ -66,7 +66,7 @@ RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t samples
 Shape shape_of(const catalog::Choice& choice) {
   if (!choice.special.empty()) return {.estimator = Estimator{.special = choice.special}};
   Shape shape{.estimator = Estimator{choice.method}, .base_level = choice.base_level, .block = choice.block};
-  if (choice.method != catalog::Method::truncated) shape.law = choice.law;
+  if (choice.method != catalog::Method::truncated) shape.pmf = choice.pmf;
   return shape;
 }
 
@@ -104,7 +104,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   if (by_recipe) {
     advice = advise(problem.levels, plan, options);
     choice = {advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
-              advice->law, advice->base_level, "", advice->block};
+              advice->pmf, advice->base_level, "", advice->block};
     plan = debias::detail::plan_of(plan, *advice);
   }
 
@@ -237,8 +237,8 @@ void print(std::ostream& out, const RunReport& run) {
   if (run.problem->id.empty()) return;
   const catalog::Choice& c = run.choice;
   print_line(out, "replay",
-             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --law '" +
-                 c.law.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
+             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
+                 c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
                  std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
 }
 

@@ -43,7 +43,7 @@ struct RunReport {
   std::optional<Advice> advice;  ///< that the choice follows
   Statistics statistics;
   Interval interval;
-  Verdict verdict;  ///< on the law, from the declared rates
+  Verdict verdict;  ///< on the PMF, from the declared rates
   double z;         ///< of the exact answer
 };
 
@@ -53,7 +53,7 @@ struct Earlier {
   std::int64_t samples = 0;
 };
 
-/// Sees the sums as they grow, and the request that they answer: of the very run, its law and its samples.
+/// Sees the sums as they grow, and the request that they answer: of the very run, its PMF and its samples.
 using SaveRun = std::function<void(const RunRequest& now, const RunState& sums)>;
 
 /// Throws BadRequest, what `watch` asks for (Interrupted), and what the sequence throws (SampleError).

@@ -33,7 +33,7 @@ Fields fields(const SurveyReport& s) {
   append(f, {{"samples", s.samples},
              {"seed", survey.seed},
              {"rates", describe(survey.rates)},
-             {"law_exists", name_of(survey.law_exists)},
+             {"pmf_exists", name_of(survey.pmf_exists)},
              {"grade", name_of(survey.grade)},
              {"remarks", survey.remarks},
              {"work", survey.work},

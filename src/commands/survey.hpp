@@ -1,6 +1,6 @@
 #pragma once
 
-// The levels of a problem, measured: decay, growth, and whether a law exists.
+// The levels of a problem, measured: decay, growth, and whether a PMF exists.
 
 #include <cstdint>
 #include <iosfwd>

@@ -63,8 +63,8 @@ std::string title(const catalog::Problem& p) {
   return (p.id.empty() ? "" : p.id + " ") + p.name + (p.formula.empty() ? "" : ": " + p.formula);
 }
 
-std::string law_text(const catalog::Choice& choice) {
-  return choice.method == catalog::Method::truncated || !choice.special.empty() ? "" : choice.law.spec();
+std::string pmf_text(const catalog::Choice& choice) {
+  return choice.method == catalog::Method::truncated || !choice.special.empty() ? "" : choice.pmf.spec();
 }
 
 }  // namespace debias::commands

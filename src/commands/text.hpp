@@ -27,7 +27,7 @@ std::string version_text();
 /// "A10 square-of-mean: formula"; a problem of the user's own has no id, and may have no formula.
 std::string title(const catalog::Problem& problem);
 
-/// The law as AnyPmf::parse reads it; empty for an estimator without one.
-std::string law_text(const catalog::Choice& choice);
+/// The PMF as AnyPmf::parse reads it; empty for an estimator without one.
+std::string pmf_text(const catalog::Choice& choice);
 
 }  // namespace debias::commands

@@ -24,7 +24,7 @@ constexpr double least_pilot = 1 << 17;
 
 constexpr std::array<std::string_view, 3> family_names = {"geometric", "zeta", "poisson"};
 
-AnyPmf law_of(Family family, double parameter) {
+AnyPmf pmf_of(Family family, double parameter) {
   if (family == Family::geometric) return AnyPmf(Geometric::with_exponent(parameter));
   return family == Family::zeta ? AnyPmf(Zeta(parameter)) : AnyPmf(Poisson(parameter));
 }
@@ -38,17 +38,17 @@ std::pair<double, double> parameters(Family family, const MeasuredRates& rates) 
   double low = std::isfinite(range.low) ? std::min(range.low, range.high) : 1;
   double high = std::isfinite(range.high) ? std::max(range.low, range.high) : low + 3;
   const double beyond = std::max(0.25, 0.25 * (high - low));
-  // Below 1.5 a zeta law reaches levels beyond 64 bits, P = 2^(-62 (s - 1)), within any run worth its name.
+  // Below 1.5 a zeta PMF reaches levels beyond 64 bits, P = 2^(-62 (s - 1)), within any run worth its name.
   low = std::max(low - beyond, family == Family::zeta ? 1.5 : 0.1);
   return {low, std::max(high + beyond, low + 0.5)};
 }
 
-TradeoffPoint predicted(const AnyPmf& law, const MeasuredRates& rates, const TermMoments& moments) {
-  TradeoffPoint point{law, judge(rates, law.tail_exponent()), predict(moments, law)};
+TradeoffPoint predicted(const AnyPmf& pmf, const MeasuredRates& rates, const TermMoments& moments) {
+  TradeoffPoint point{pmf, judge(rates, pmf.tail_exponent()), predict(moments, pmf)};
   return point;
 }
 
-// A law so slow that a level does not fit 64 bits, or memory, stays without a measurement.
+// A PMF so slow that a level does not fit 64 bits, or memory, stays without a measurement.
 void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& plan, const catalog::Problem& problem) {
   try {
     const Statistics s = problem.run(choice, plan);
@@ -125,16 +125,16 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
   try {
     for (std::int64_t i = 0; i < count; ++i) {
       const double share = count > 1 ? static_cast<double>(i) / static_cast<double>(count - 1) : 0.5;
-      // Four digits: the law that is printed is the law that was run.
+      // Four digits: the PMF that is printed is the PMF that was run.
       const double parameter = parse_double(rounded(low + share * (high - low)), "parameter");
-      TradeoffPoint point = predicted(law_of(request.family, parameter), t.survey.rates, moments);
+      TradeoffPoint point = predicted(pmf_of(request.family, parameter), t.survey.rates, moments);
       what = "point " + std::to_string(i + 1) + " of " + std::to_string(count);
       if (point.verdict.work == Finiteness::finite) {
         catalog::Choice choice = shape;
-        choice.law = point.law;
+        choice.pmf = point.pmf;
         Plan run = plan;
         run.samples = std::max<std::int64_t>(2, plan.samples / shape.block);
-        caller.attach(run, point.law.spec());
+        caller.attach(run, point.pmf.spec());
         measure(point, choice, run, problem);
       }
       t.points.push_back(std::move(point));
@@ -157,14 +157,14 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
 
 void print(std::ostream& out, const TradeoffReport& t) {
   print_line(out, "problem", title(*t.problem));
-  std::vector<Row> rows = {{"law", "exponent", "variance", "measured", "work", "measured", "product", "measured",
+  std::vector<Row> rows = {{"pmf", "exponent", "variance", "measured", "work", "measured", "product", "measured",
                             "efficiency", "tail index", "moments below", ""}};
   for (std::size_t i = 0; i < t.points.size(); ++i) {
     const TradeoffPoint& p = t.points[i];
     const bool finite_variance = p.verdict.variance != Finiteness::infinite;
     const bool finite_work = p.verdict.work != Finiteness::infinite;
     rows.push_back(
-        {p.law.spec(), rounded(p.law.tail_exponent().exponent), figure(finite_variance, p.predicted.variance),
+        {p.pmf.spec(), rounded(p.pmf.tail_exponent().exponent), figure(finite_variance, p.predicted.variance),
          figure(p.measured, p.variance), figure(finite_work, p.predicted.work), figure(p.measured, p.work),
          figure(finite_variance && finite_work, p.predicted.product()), figure(p.measured, p.variance * p.work),
          figure(p.measured, p.efficiency), rounded(p.verdict.tail_index, 3),
@@ -172,27 +172,27 @@ void print(std::ostream& out, const TradeoffReport& t) {
          i == t.best ? "<- best of the family" : regions(p)});
   }
   print_table(out, rows);
-  if (t.survey.law_exists == Answer::no) {
-    print_line(out, "optimum", "none: no law has finite variance and finite work");
+  if (t.survey.pmf_exists == Answer::no) {
+    print_line(out, "optimum", "none: no PMF has finite variance and finite work");
   } else {
-    print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all laws");
+    print_line(out, "optimum", rounded(t.optimum) + " = variance x work of the best of all PMFs");
     print_line(out, "bound",
                rounded(t.bound) + " = (sum of sqrt(Var D work))^2, what strata can reach" +
                    (t.shares_base ? " with draws that share nothing" : ""));
   }
   print_line(out, "base",
              "level " + std::to_string(t.setup.base_level) +
-                 (t.setup.base == Base::drawn ? ", one outcome of the law" : ", in every sample"));
-  print_line(out, "law exists", name_of(t.survey.law_exists));
+                 (t.setup.base == Base::drawn ? ", one outcome of the PMF" : ", in every sample"));
+  print_line(out, "PMF exists", name_of(t.survey.pmf_exists));
 }
 
 void print_csv(std::ostream& out, const TradeoffReport& t) {
-  out << "law,exponent,predicted_variance,measured_variance,predicted_work,measured_work,efficiency,tail_"
+  out << "pmf,exponent,predicted_variance,measured_variance,predicted_work,measured_work,efficiency,tail_"
          "index,"
          "variance,work\n";
   for (const TradeoffPoint& p : t.points) {
     const auto known = [](bool is, double x) { return is && std::isfinite(x) ? to_text(x) : std::string(); };
-    out << '"' << p.law.spec() << "\"," << known(true, p.law.tail_exponent().exponent) << ','
+    out << '"' << p.pmf.spec() << "\"," << known(true, p.pmf.tail_exponent().exponent) << ','
         << known(p.verdict.variance != Finiteness::infinite, p.predicted.variance) << ','
         << known(p.measured, p.variance) << ',' << known(p.verdict.work != Finiteness::infinite, p.predicted.work)
         << ',' << known(p.measured, p.work) << ',' << known(p.measured, p.efficiency) << ','
@@ -202,7 +202,7 @@ void print_csv(std::ostream& out, const TradeoffReport& t) {
 }
 
 Fields fields(const TradeoffReport& t) {
-  const bool has_optimum = t.survey.law_exists != Answer::no;
+  const bool has_optimum = t.survey.pmf_exists != Answer::no;
   const auto figure = [](bool known, double x) { return known ? Node(x) : Node(nullptr); };
   Fields f = describe(*t.problem);
   append(f, {{"samples", t.samples},
@@ -211,14 +211,14 @@ Fields fields(const TradeoffReport& t) {
              {"base", t.setup.base == Base::drawn ? "drawn" : "always"},
              {"block", t.setup.block},
              {"rates", describe(t.survey.rates)},
-             {"law_exists", name_of(t.survey.law_exists)},
+             {"pmf_exists", name_of(t.survey.pmf_exists)},
              {"optimum", figure(has_optimum, t.optimum)},
              {"bound", figure(has_optimum, t.bound)},
-             {"best", t.best < t.points.size() ? Node(t.points[t.best].law.spec()) : Node(nullptr)},
+             {"best", t.best < t.points.size() ? Node(t.points[t.best].pmf.spec()) : Node(nullptr)},
              {"points", list_of(t.points, [&figure](const TradeoffPoint& p) {
                 return Fields{
-                    {"law", p.law.spec()},
-                    {"exponent", p.law.tail_exponent().exponent},
+                    {"pmf", p.pmf.spec()},
+                    {"exponent", p.pmf.tail_exponent().exponent},
                     {"predicted_variance", figure(p.verdict.variance != Finiteness::infinite, p.predicted.variance)},
                     {"measured_variance", figure(p.measured, p.variance)},
                     {"predicted_work", figure(p.verdict.work != Finiteness::infinite, p.predicted.work)},

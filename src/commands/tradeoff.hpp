@@ -1,6 +1,6 @@
 #pragma once
 
-// The law of a problem swept through its family: what each one costs and what it is worth.
+// The PMF of a problem swept through its family: what each one costs and what it is worth.
 
 #include <cstddef>
 #include <cstdint>
@@ -24,16 +24,16 @@ std::string name_of(Family family);
 struct TradeoffRequest {
   const catalog::Problem* problem = nullptr;
   Family family = Family::geometric;
-  std::int64_t points = 15;        ///< laws to try
-  Shape shape = {};                ///< a single term; its law does not matter
-  std::int64_t samples = 100'000;  ///< members, of each law
+  std::int64_t points = 15;        ///< PMFs to try
+  Shape shape = {};                ///< a single term; its PMF does not matter
+  std::int64_t samples = 100'000;  ///< members, of each PMF
   std::uint64_t seed = 1;
   int threads = 0;
 };
 
-/// One law of a sweep.
+/// One PMF of a sweep.
 struct TradeoffPoint {
-  AnyPmf law;
+  AnyPmf pmf;
   MeasuredVerdict verdict;
   VarianceAndWork predicted;  ///< of one member
   bool measured = false;      ///< not where the work is infinite, or may be
@@ -50,16 +50,16 @@ struct TradeoffReport {
   std::int64_t samples = 0;
   std::vector<TradeoffPoint> points;
   std::size_t best = 0;  ///< of the points; their number where none is finite
-  double optimum = 0;    ///< means nothing, as does the bound, where no law exists
+  double optimum = 0;    ///< means nothing, as does the bound, where no PMF exists
   double bound = 0;
   bool complete = true;  ///< false: it was ended among its points
 };
 
-/// Keeps the samples of each law. Ended among its points it returns those that are complete, if there are any.
+/// Keeps the samples of each PMF. Ended among its points it returns those that are complete, if there are any.
 TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller = {});
 
 void print(std::ostream& out, const TradeoffReport& report);
-/// Comma-separated values, a line for each law.
+/// Comma-separated values, a line for each PMF.
 void print_csv(std::ostream& out, const TradeoffReport& report);
 Fields fields(const TradeoffReport& report);
 

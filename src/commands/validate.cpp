@@ -22,15 +22,15 @@ std::vector<const catalog::Problem*> problems_of(const ValidateRequest& request)
   return problems;
 }
 
-const Row cell_header = {"status", "problem", "estimator",   "base",    "law",        "mean",
+const Row cell_header = {"status", "problem", "estimator",   "base",    "pmf",        "mean",
                          "truth",  "z",       "work/sample", "seconds", "efficiency", "reason"};
 
 Row row_of(const Cell& cell) {
   const catalog::Problem& p = *cell.problem;
-  const std::string law = law_text(cell.choice);
+  const std::string pmf = pmf_text(cell.choice);
   Row row = {std::string(name_of(cell.status)), p.id + " " + p.name, std::string(catalog::name_of(cell.choice)),
              cell.choice.special.empty() ? std::to_string(cell.choice.base_level) : "-",
-             cell.has_run && !law.empty() ? law : "-"};
+             cell.has_run && !pmf.empty() ? pmf : "-"};
   if (cell.has_run) {
     const Statistics& s = cell.statistics;
     const ComponentEstimate& c = s.components.front();
@@ -98,7 +98,7 @@ ValidateReport validate(const ValidateRequest& request, const Caller& caller,
   };
   const auto prepare = [&](const catalog::Problem& p, const catalog::Choice& c, Plan& cell) {
     caller.attach(
-        cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + law_text(c));
+        cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + pmf_text(c));
   };
   ValidateReport result{{}, plan.samples, plan.seed, 0};
   result.report = validation::validate(problems_of(request), plan, see, prepare);
@@ -111,7 +111,7 @@ CellTable::CellTable(const ValidateRequest& request) : widths_{12, 0, 17, 4, 0, 
     widths_[1] = std::max(widths_[1], p->id.size() + 1 + p->name.size());
     for (const catalog::Choice& c : validation::choices(*p)) {
       widths_[2] = std::max(widths_[2], catalog::name_of(c).size());
-      widths_[4] = std::max(widths_[4], law_text(c).size());
+      widths_[4] = std::max(widths_[4], pmf_text(c).size());
     }
   }
 }
@@ -125,7 +125,7 @@ Fields fields(const Cell& cell) {
   const ComponentEstimate c = cell.has_run ? s.components.front() : ComponentEstimate{};
   Fields f = describe(*cell.problem, cell.choice);
   for (Entry& e : f) {
-    if (!cell.has_run && e.name == "law") e.value = nullptr;
+    if (!cell.has_run && e.name == "pmf") e.value = nullptr;
   }
   append(f, {{"truth", cell.problem->truth},
              {"mean", figure(c.mean)},

@@ -14,7 +14,7 @@ ExponentRange finite_exponents(const Rates& r) {
   return {r.work + 1, r.variance - 1};
 }
 
-bool law_exists(const Rates& rates) {
+bool pmf_exists(const Rates& rates) {
   const ExponentRange range = finite_exponents(rates);
   return range.low < range.high;
 }
@@ -28,9 +28,9 @@ constexpr double comfortable = 7.0 / 8;  // of the way to the latter: tail index
 double exponent_below(const Rates& rates, double fourth) {
   const ExponentRange range = finite_exponents(rates);
   if (!(range.low < range.high)) {
-    throw std::invalid_argument("law: E D_k^2 decays with exponent " + format("%g", rates.variance) +
+    throw std::invalid_argument("pmf: E D_k^2 decays with exponent " + format("%g", rates.variance) +
                                 " and the work grows with exponent " + format("%g", rates.work) +
-                                " (no law has both finite variance and finite work); a better coupling, a smoother "
+                                " (no PMF has both finite variance and finite work); a better coupling, a smoother "
                                 "integrand or extrapolation may raise the decay, `truncated` accepts a bias");
   }
   if (std::isinf(range.high)) return range.low + 1;

@@ -449,12 +449,12 @@ std::vector<std::string> RunVerdict::sentences() const {
                          : std::string()) +
                     ", so the standard error is too small most of the time; " +
                     (levels.available && levels.beta > 0
-                         ? "take a law that falls more slowly, with exponent below " +
+                         ? "take a PMF that falls more slowly, with exponent below " +
                                format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
                                ", as long as its work is finite."
                      : grade == Grade::likely && !levels.available
                          ? std::string("a lognormal looks the same; replay the largest samples to find the cause.")
-                         : std::string("replay the largest samples to find the cause: a law that falls too fast "
+                         : std::string("replay the largest samples to find the cause: a PMF that falls too fast "
                                        "is the usual one.")));
       break;
     case Finiteness::undecided:

@@ -19,7 +19,7 @@ constexpr std::array<AnyPmf::Form, 4> all_forms{{
     {"tabulated", "tabulated:0.5,0.3,0.2;tail=0.4", "masses as listed, then ratio tail for ever"},
 }};
 
-/// One law's text: what it is called, what stands behind the colon, and how its complaints end.
+/// One PMF's text: what it is called, what stands behind the colon, and how its complaints end.
 struct Spec {
   std::string_view name;
   std::string_view parameters;
@@ -44,7 +44,7 @@ struct Parameter {
   double value;
 };
 
-/// The one `key=value` of a law; several keys are ways to say the same, so a second one is refused.
+/// The one `key=value` of a PMF; several keys are ways to say the same, so a second one is refused.
 Parameter read_parameter(const Spec& spec, std::string_view text, std::span<const std::string_view> keys) {
   std::optional<Parameter> found;
   std::optional<std::string_view> rest = text;
@@ -98,7 +98,7 @@ AnyPmf parse_tabulated(const Spec& spec) {
 
 std::span<const AnyPmf::Form> AnyPmf::forms() { return all_forms; }
 
-AnyPmf::AnyPmf(Law law) : law_(std::move(law)) {}
+AnyPmf::AnyPmf(Kind pmf) : pmf_(std::move(pmf)) {}
 AnyPmf::AnyPmf(const AnyPmf& other) = default;
 AnyPmf::AnyPmf(AnyPmf&& other) noexcept = default;
 AnyPmf& AnyPmf::operator=(const AnyPmf& other) = default;
@@ -124,7 +124,7 @@ AnyPmf AnyPmf::parse(std::string_view text) {
     hint = "; write one of";
     for (const AnyPmf::Form& form : all_forms) hint += " " + std::string(form.name);
   }
-  throw std::invalid_argument("law '" + std::string(text) + "' (no law is called '" + std::string(name) + "')" + hint);
+  throw std::invalid_argument("PMF '" + std::string(text) + "' (no PMF is called '" + std::string(name) + "')" + hint);
 }
 
 }  // namespace debias

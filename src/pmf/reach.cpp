@@ -40,13 +40,13 @@ Steeper steeper(const Reach& reach, double allowed) {
       const double middle = (low + high) / 2;
       (Zeta(middle).tail(outcome) > allowed ? low : high) = middle;
     }
-    const Zeta law(hundredths(high));
-    return {law.tail_exponent().exponent, law.spec()};
+    const Zeta pmf(hundredths(high));
+    return {pmf.tail_exponent().exponent, pmf.spec()};
   }
   for (double theta = hundredths(-std::log2(allowed) / static_cast<double>(outcome)); theta <= 53; theta += 0.01) {
     theta = hundredths(std::max(theta, 0.01));
-    const Geometric law = Geometric::with_exponent(theta);
-    if (law.tail(outcome) <= allowed) return {theta, "geometric:theta=" + to_text(theta)};
+    const Geometric pmf = Geometric::with_exponent(theta);
+    if (pmf.tail(outcome) <= allowed) return {theta, "geometric:theta=" + to_text(theta)};
   }
   return {};
 }

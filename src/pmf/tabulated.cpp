@@ -16,10 +16,10 @@ namespace debias {
 Tabulated::Tabulated(std::vector<double> masses, double tail_ratio)
     : weights_(std::move(masses)), masses_(weights_), tails_(weights_.size()), tail_ratio_(tail_ratio) {
   const auto refuse = [](const std::string& problem) { throw std::invalid_argument("Tabulated: " + problem); };
-  if (weights_.empty()) refuse("no masses (at least one is needed); Geometric is the law that is all tail");
+  if (weights_.empty()) refuse("no masses (at least one is needed); Geometric is the PMF that is all tail");
   if (tail_ratio == 0) {
     refuse(
-        "tail = 0 (a law that ends leaves out every deeper level, and the estimate is biased); "
+        "tail = 0 (a PMF that ends leaves out every deeper level, and the estimate is biased); "
         "give the ratio of neighbouring masses beyond the table, 2^-theta");
   }
   if (!(tail_ratio > 0 && tail_ratio <= 1 - 0x1p-40)) {
@@ -31,7 +31,7 @@ Tabulated::Tabulated(std::vector<double> masses, double tail_ratio)
   for (std::size_t j = weights_.size(); j-- > 0;) {
     if (!(weights_[j] > 0 && std::isfinite(weights_[j]))) {
       refuse("mass " + std::to_string(j) + " = " + to_text(weights_[j]) +
-             " (must be positive and finite: what a law never draws is missing from the estimate)");
+             " (must be positive and finite: what a PMF never draws is missing from the estimate)");
     }
     if (j + 1 < weights_.size()) total += weights_[j];
     tails_[j] = total;

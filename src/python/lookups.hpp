@@ -142,7 +142,7 @@ class Lookups {
   void answer(std::int64_t level, Rows& rows) {
     if (rows.answers.size() + rows.asked > most_answers) {
       throw std::length_error("level " + std::to_string(level) + " asks for more than 2^27 numbers within one chunk " +
-                              "(1 GiB); choose a law that falls faster");
+                              "(1 GiB); choose a PMF that falls faster");
     }
     const bool again = !rows.answers.empty();
     const std::size_t width = answer_(level, rows.questions, rows.asked, rows.answers);

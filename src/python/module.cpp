@@ -377,7 +377,7 @@ PYBIND11_MODULE(_debias, m) {
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
   for (const auto& [name, topic] : {std::pair("problems", commands::Topic::problems),
                                     {"estimators", commands::Topic::estimators},
-                                    {"laws", commands::Topic::laws}}) {
+                                    {"pmfs", commands::Topic::pmfs}}) {
     m.def(name, [topic = topic] { return object_of(fields(commands::list({topic}))); });
   }
 

@@ -83,7 +83,7 @@ double Options::share(const char* name) const {
 commands::Shape shape_of(const Options& options) {
   commands::Shape s;
   if (options.has("estimator")) s.estimator = commands::estimator_of(options.text("estimator"));
-  if (options.has("law")) s.law = commands::law_of(options.text("law"));
+  if (options.has("pmf")) s.pmf = commands::pmf_of(options.text("pmf"));
   if (options.has("base_level")) take(options, "base_level", s.base_level.emplace(), 0);
   take(options, "block", s.block, 1);
   return s;

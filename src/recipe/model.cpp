@@ -90,7 +90,7 @@ double tail_exponent_for(const Survey& s) {
   r.fourth.value =
       std::isfinite(s.rates.fourth.value) ? std::min(s.rates.fourth.value, 2 * r.variance.value) : 2 * r.variance.value;
   if (e.end != End::none && !known) r.variance.value = r.fourth.value = Rates::faster_than_any;
-  if (law_exists(rates_of(r))) return default_exponent(r);
+  if (pmf_exists(rates_of(r))) return default_exponent(r);
   return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work
 }
 
@@ -205,9 +205,9 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
   return t;
 }
 
-VarianceAndWork predict(const TermMoments& moments, const AnyPmf& law) {
+VarianceAndWork predict(const TermMoments& moments, const AnyPmf& pmf) {
   std::vector<double> masses(moments.work.size());
-  for (std::size_t j = 0; j < masses.size(); ++j) masses[j] = law.mass(static_cast<std::int64_t>(j));
+  for (std::size_t j = 0; j < masses.size(); ++j) masses[j] = pmf.mass(static_cast<std::int64_t>(j));
   return predict(moments, masses);
 }
 

@@ -56,16 +56,16 @@ struct Pass {
   double weight = 0;  // of the difference; 0 without one
 };
 
-template <class Schedule, class Law>
-Pass unbiased_pass(const Schedule& schedule, const Law& law, double u) {
-  const std::int64_t j = law.sample(u);
+template <class Schedule, class P>
+Pass unbiased_pass(const Schedule& schedule, const P& pmf, double u) {
+  const std::int64_t j = pmf.sample(u);
   return {schedule.photons_at(j + 1),
           schedule.photons_at(0),
           j + 1,
           schedule.radius2(0),
           schedule.radius2(j + 1),
           schedule.radius2(j),
-          inverse_weight(law.mass(j), j + 1)};
+          inverse_weight(pmf.mass(j), j + 1)};
 }
 
 Pass pass_of(const PhotonMethod& method, const Stream& rng) {
@@ -74,21 +74,21 @@ Pass pass_of(const PhotonMethod& method, const Stream& rng) {
   if (method.name == "progressive") {
     return {n, n, 0, ProgressiveRadii{first_radius, photons_in_pass}.radius2(rng.index()), 0, 0, 0};
   }
-  const double u = split(rng, Branch::law).uniform();
+  const double u = split(rng, Branch::pmf).uniform();
   if (method.name == "geometric") return unbiased_pass(geometric, published, u);
-  if (method.name == "alpha") return unbiased_pass(alpha, alpha.law(), u);
-  return unbiased_pass(balanced, balanced.law(), u);
+  if (method.name == "alpha") return unbiased_pass(alpha, alpha.pmf(), u);
+  return unbiased_pass(balanced, balanced.pmf(), u);
 }
 
 // Expected photons of a pass; of alpha, whose sum converges only on paper, over the levels that `total` can pay for.
 double expected_photons(const PhotonMethod& method, double total) {
-  const auto of = [](const GeometricRadii& schedule, const Geometric& law) {
-    return schedule.photons * schedule.growth * law.mass(0) / (1 - schedule.growth * law.tail(1));
+  const auto of = [](const GeometricRadii& schedule, const Geometric& pmf) {
+    return schedule.photons * schedule.growth * pmf.mass(0) / (1 - schedule.growth * pmf.tail(1));
   };
   if (method.name == "disc" || method.name == "progressive") return photons_in_pass;
   if (method.name == "geometric") return of(geometric, published);
   if (method.name == "alpha") return photons_in_base * (1 + std::log(std::max(1.0, total / photons_in_base)));
-  return of(balanced, balanced.law());
+  return of(balanced, balanced.pmf());
 }
 
 // ---- light
@@ -227,9 +227,9 @@ struct Group {
 std::span<const PhotonMethod> photon_methods() { return methods; }
 
 std::string verdict_of(const PhotonMethod& method) {
-  if (method.name == "balanced") return judge(balanced.rates(), balanced.law().tail_exponent()).sentence;
+  if (method.name == "balanced") return judge(balanced.rates(), balanced.pmf().tail_exponent()).sentence;
   if (method.name == "geometric") return judge(geometric.rates(), published.tail_exponent()).sentence;
-  if (method.name == "alpha") return judge(alpha.rates(), alpha.law().tail_exponent()).sentence;
+  if (method.name == "alpha") return judge(alpha.rates(), alpha.pmf().tail_exponent()).sentence;
   return "";
 }
 

@@ -105,7 +105,7 @@ class Conclusion {
     survey_.rows = std::move(rows);
     survey_.seed = seed;
     survey_.evidence = weigh(facts_of(survey_.rows), sequence, budget_spent);
-    survey_.law_exists = survey_.evidence.answer;
+    survey_.pmf_exists = survey_.evidence.answer;
     survey_.grade = survey_.evidence.grade;
   }
 
@@ -152,7 +152,7 @@ class Conclusion {
     return facts;
   }
 
-  // The time of a draw grows and its stated work does not: pilot and law would spend what they do not count.
+  // The time of a draw grows and its stated work does not: pilot and PMF would spend what they do not count.
   void slow_draws() {
     constexpr double least_time = 1e-5;  // of a draw: below, the clock tells little
     constexpr std::int64_t span = 4;

@@ -116,7 +116,7 @@ void add_alternating(std::vector<HardCase>& cases) {
   }
   for (const double x : {1.0, 10.0, 40.0}) {
     cases.push_back(
-        hard_case("e^-x, geometric law", equals("x", x), std::exp(-x), single_term(terms(x), Geometric(0.5))));
+        hard_case("e^-x, geometric PMF", equals("x", x), std::exp(-x), single_term(terms(x), Geometric(0.5))));
   }
 }
 

@@ -30,7 +30,7 @@ double band_high(std::int64_t n) { return 0.95 + 4.9 * std::sqrt(0.95 * 0.05 / s
 
 std::string number(double x, int digits = 3) { return format({std::chars_format::general, digits}, x); }
 
-// A problem under the geometric law that gives its samples this tail index.
+// A problem under the geometric PMF that gives its samples this tail index.
 struct Regime {
   const char* problem;
   double index;
@@ -39,7 +39,7 @@ struct Regime {
   [[nodiscard]] const Problem& the_problem() const { return catalog::find(problem); }
   [[nodiscard]] Choice choice() const {
     const Problem& p = the_problem();
-    return {.method = method, .law = law_with_tail_index(p, index), .base_level = p.lowest_base};
+    return {.method = method, .pmf = pmf_with_tail_index(p, index), .base_level = p.lowest_base};
   }
   [[nodiscard]] std::string text() const {
     return std::string(problem) + " " + std::string(name_of(method)) + ", tail index " + number(index);
@@ -69,7 +69,7 @@ class Measurement {
     broken_estimators();
     intervals();
     goals();
-    laws();
+    pmfs();
     verdicts();
     telescoping();
     bits();
@@ -202,27 +202,27 @@ class Measurement {
   }
 
   // The variance of a series without noise is known: sum d_k^2 / p_k - (sum d_k)^2.
-  void laws() {
-    say("laws");
+  void pmfs() {
+    say("pmfs");
     const Problem& p = catalog::find("D01");
     double worst_variance = 0;
     double least_p = 1;
     int count = 0;
     for (const char* spec :
          {"geometric:r=0.6", "geometric:r=0.4", "geometric:r=0.5", "zeta:s=3", "tabulated:0.5,0.3,0.2;tail=0.5"}) {
-      const AnyPmf law = AnyPmf::parse(spec);
-      const Choice choice{.method = Method::single_term_drawn, .law = law};
-      const Statistics run = p.run(choice, plan_of(plan_.samples, plan_.seed, "laws"));
+      const AnyPmf pmf = AnyPmf::parse(spec);
+      const Choice choice{.method = Method::single_term_drawn, .pmf = pmf};
+      const Statistics run = p.run(choice, plan_of(plan_.samples, plan_.seed, "pmfs"));
       double sum = 0;
       double second = 0;
       for (std::int64_t k = 0; k < 50; ++k) {
         const LevelSums one = p.pilot(k, 1, 1);
-        const double mass = law.mass(k);
+        const double mass = pmf.mass(k);
         sum += one.difference;
         second += one.square / mass;
       }
       const double variance = second - sum * sum;
-      // Where the law is that of the differences there is no variance, and rounding is what is left.
+      // Where the PMF is that of the differences there is no variance, and rounding is what is left.
       const double rounding = 16 * std::numeric_limits<double>::epsilon() * second;
       const double error =
           std::max(rounding, variance * std::sqrt((run.moments.kurtosis() - 1) / static_cast<double>(run.samples)));
@@ -230,9 +230,9 @@ class Measurement {
       least_p = std::min(least_p, frequencies(run));
       ++count;
     }
-    add("variance under " + std::to_string(count) + " laws against its closed form",
+    add("variance under " + std::to_string(count) + " PMFs against its closed form",
         "largest deviation " + number(worst_variance) + " standard errors", "< 5", worst_variance < 5);
-    add("levels drawn under these laws", "smallest chi-square p = " + number(least_p), "> 1e-6", least_p > 1e-6);
+    add("levels drawn under these PMFs", "smallest chi-square p = " + number(least_p), "> 1e-6", least_p > 1e-6);
   }
 
   // Levels against their probabilities, in bins that expect 25 at least.
@@ -281,7 +281,7 @@ class Measurement {
     for (const Regime& r : cases) {
       const Choice choice = r.choice();
       const bool finite = r.index < 0.5;
-      const Verdict v = judge(rates_of(r.the_problem(), r.method), choice.law.tail_exponent());
+      const Verdict v = judge(rates_of(r.the_problem(), r.method), choice.pmf.tail_exponent());
       analytic += v.finite_variance == finite;
       std::vector<double> indices;
       for (int i = 1; i <= runs; ++i) {
@@ -339,7 +339,7 @@ class Measurement {
       const Problem& p = catalog::find(id);
       for (const std::int64_t block : {1, 64}) {
         const Choice choice{
-            .method = Method::single_term, .law = default_law(p), .base_level = p.lowest_base, .block = block};
+            .method = Method::single_term, .pmf = default_pmf(p), .base_level = p.lowest_base, .block = block};
         for (const std::int64_t n : {1000, 4096, 4097, 50'000, 100'000}) {
           const std::int64_t samples = std::max<std::int64_t>(n / block, 2);
           const auto run = [&](std::int64_t first, std::int64_t count, int threads) {
@@ -384,7 +384,7 @@ class Measurement {
   void speed() {
     for (const char* id : {"A10", "B02", "C01", "E02", "H01"}) {
       const Problem& p = catalog::find(id);
-      const Choice choice{.method = Method::single_term, .law = default_law(p), .base_level = p.lowest_base};
+      const Choice choice{.method = Method::single_term, .pmf = default_pmf(p), .base_level = p.lowest_base};
       const auto seconds = [&](int threads) {
         std::vector<double> all;
         for (int round = 0; round < 5; ++round) {
@@ -414,7 +414,7 @@ class Measurement {
 
 }  // namespace
 
-AnyPmf law_with_tail_index(const Problem& problem, double index) {
+AnyPmf pmf_with_tail_index(const Problem& problem, double index) {
   return AnyPmf(Geometric::with_exponent(problem.rates.variance / (2 * (1 - index))));
 }
 

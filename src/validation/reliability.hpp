@@ -44,9 +44,9 @@ double kolmogorov_smirnov(std::vector<double> uniforms);
 /// The standard normal distribution function.
 double normal_cdf(double x);
 
-/// The geometric law rho = beta / (2 (1 - index)) under which differences with E D^2 ~ 2^(-beta k) that scale give
+/// The geometric PMF rho = beta / (2 (1 - index)) under which differences with E D^2 ~ 2^(-beta k) that scale give
 /// samples with this tail index.
-AnyPmf law_with_tail_index(const catalog::Problem& problem, double index);
+AnyPmf pmf_with_tail_index(const catalog::Problem& problem, double index);
 
 /// What intervals at 95 % did over replications.
 struct Coverage {

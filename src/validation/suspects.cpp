@@ -33,21 +33,21 @@ std::function<Statistics(const Plan&)> erased(const E& estimator) {
 // Every way to be wrong that a sequence of levels has.
 template <BiasedSequence S>
 void add_levels(std::vector<Suspect>& all, const std::string& of, double truth, const S& sequence,
-                const Geometric& law) {
+                const Geometric& pmf) {
   const auto add = [&](const std::string& what, bool wrong, const auto& estimator) {
     all.push_back({what + ", " + of, wrong, truth, erased(estimator)});
   };
-  add("single term", false, single_term(sequence, law));
-  add("independent sum", false, independent_sum(sequence, law));
-  add("weights of the next level", true, single_term(sequence, trial::LawOffByOne{law}));
-  add("no weights", true, single_term(sequence, trial::NoReweighting{law}));
-  add("survival of the next level", true, independent_sum(sequence, trial::LawOffByOne{law}));
-  add("cut after level 3 and renormalised", true, single_term(sequence, trial::Renormalised{law, 2}));
-  add("weights cut at 8", true, single_term(sequence, trial::WeightsCapped{law, 8}));
-  add("base left out", true, single_term(trial::BaseDropped<S>{sequence}, law));
+  add("single term", false, single_term(sequence, pmf));
+  add("independent sum", false, independent_sum(sequence, pmf));
+  add("weights of the next level", true, single_term(sequence, trial::PmfOffByOne{pmf}));
+  add("no weights", true, single_term(sequence, trial::NoReweighting{pmf}));
+  add("survival of the next level", true, independent_sum(sequence, trial::PmfOffByOne{pmf}));
+  add("cut after level 3 and renormalised", true, single_term(sequence, trial::Renormalised{pmf, 2}));
+  add("weights cut at 8", true, single_term(sequence, trial::WeightsCapped{pmf, 8}));
+  add("base left out", true, single_term(trial::BaseDropped<S>{sequence}, pmf));
   add("one level, called unbiased", true, truncated(sequence, 3));
   add("a hundredth too large", true,
-      trial::Scaled<decltype(single_term(sequence, law))>{single_term(sequence, law), 1.01});
+      trial::Scaled<decltype(single_term(sequence, pmf))>{single_term(sequence, pmf), 1.01});
 }
 
 }  // namespace
@@ -64,12 +64,12 @@ const std::vector<Suspect>& suspects() {
     const auto sum = series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); }, geometric_terms(0.5));
     add_levels(all, "1 / E X", 0.75, inverse, Geometric::with_exponent(1.5));
     add_levels(all, "derivative", 1, slope, Geometric::with_exponent(1.5));
-    const Geometric law(0.5);
+    const Geometric pmf(0.5);
     all.push_back({"roulette, series", false, 2, erased(roulette(sum, Geometric(0.6)))});
-    all.push_back({"survival of the next term, series", true, 2, erased(roulette(sum, trial::LawOffByOne{law}))});
-    all.push_back({"no survival weights, series", true, 2, erased(roulette(sum, trial::NoReweighting{law}))});
+    all.push_back({"survival of the next term, series", true, 2, erased(roulette(sum, trial::PmfOffByOne{pmf}))});
+    all.push_back({"no survival weights, series", true, 2, erased(roulette(sum, trial::NoReweighting{pmf}))});
     using Terms = std::remove_cvref_t<decltype(sum)>;
-    all.push_back({"first term left out, series", true, 2, erased(roulette(trial::FirstTermDropped<Terms>{sum}, law))});
+    all.push_back({"first term left out, series", true, 2, erased(roulette(trial::FirstTermDropped<Terms>{sum}, pmf))});
     const auto y = reciprocal([](Stream& rng) { return 0.25 + rng.exponential(); });
     using Inverse = std::remove_cvref_t<decltype(y)>;
     all.push_back({"level drawn from the numbers of its difference, 1 / E Y", true, 0.8,
@@ -130,17 +130,17 @@ std::vector<std::string> failures_on_nonfinite_values() {
   constexpr std::array names = {"NaN", "infinity", "denormal", "exception"};
   for (const Bad kind : {Bad::nan, Bad::infinity, Bad::denormal, Bad::thrown}) {
     const BadValues sequence{kind};
-    const Geometric law = Geometric::with_exponent(1.5);
+    const Geometric pmf = Geometric::with_exponent(1.5);
     const std::string what = std::string(" on ") + names[static_cast<std::size_t>(kind)];
-    judge_one("single_term" + what, kind, single_term(sequence, law));
-    judge_one("single_term_drawn" + what, kind, single_term(sequence, law, {.base = Base::drawn}));
-    judge_one("independent_sum" + what, kind, independent_sum(sequence, law));
+    judge_one("single_term" + what, kind, single_term(sequence, pmf));
+    judge_one("single_term_drawn" + what, kind, single_term(sequence, pmf, {.base = Base::drawn}));
+    judge_one("independent_sum" + what, kind, independent_sum(sequence, pmf));
     judge_one("truncated" + what, kind, truncated(sequence, 2));
     const auto terms = series([kind](std::int64_t k) {
       Stream none(0, k == 0 ? 7 : 0);
       return BadValues{kind}(k, none).difference;
     });
-    if (kind != Bad::thrown) judge_one("roulette" + what, kind, roulette(terms, law));
+    if (kind != Bad::thrown) judge_one("roulette" + what, kind, roulette(terms, pmf));
   }
   return failures;
 }

@@ -26,12 +26,12 @@ namespace {
 constexpr double confident = 1.9599639845400545;
 
 /// Is the variance of Z finite under a PMF with that tail?
-bool finite_under(const Family& f, const Labels& labels, const TailExponent& law, std::int64_t base) {
+bool finite_under(const Family& f, const Labels& labels, const TailExponent& pmf, std::int64_t base) {
   if (!labels.second_moments || base < f.heavy_levels) return false;
   if (f.end > 0) return true;
   const bool fast = f.factorial > 0;
-  if (law.decay == Decay::polynomial) return !f.powers || f.beta - law.exponent > 1;
-  return !f.powers && (fast ? std::isfinite(law.exponent) : law.exponent < f.beta);
+  if (pmf.decay == Decay::polynomial) return !f.powers || f.beta - pmf.exponent > 1;
+  return !f.powers && (fast ? std::isfinite(pmf.exponent) : pmf.exponent < f.beta);
 }
 
 Certainty stronger(Certainty a, Certainty b) { return std::min(a, b); }
@@ -49,9 +49,9 @@ Certainty grade_of(const Statement& statement, Certainty otherwise) {
 
 template <class Survey>
 Said said_of(const Survey& survey) {
-  using Answer = std::remove_cvref_t<decltype(survey.law_exists)>;
-  if (survey.law_exists == Answer::yes) return Said::yes;
-  return survey.law_exists == Answer::no ? Said::no : Said::open;
+  using Answer = std::remove_cvref_t<decltype(survey.pmf_exists)>;
+  if (survey.pmf_exists == Answer::yes) return Said::yes;
+  return survey.pmf_exists == Answer::no ? Said::no : Said::open;
 }
 
 template <class S>
@@ -183,10 +183,10 @@ Band binomial_band(std::int64_t n, double chance) {
   using boost::math::complement;
   Band band{0, n};
   if (n <= 0) return band;
-  const boost::math::binomial_distribution<double> law(static_cast<double>(n), chance);
+  const boost::math::binomial_distribution<double> binomial(static_cast<double>(n), chance);
   constexpr double each = 5e-7;
-  while (band.low < n && cdf(law, static_cast<double>(band.low)) <= each) ++band.low;
-  while (band.high > 0 && cdf(complement(law, static_cast<double>(band.high - 1))) <= each) --band.high;
+  while (band.low < n && cdf(binomial, static_cast<double>(band.low)) <= each) ++band.low;
+  while (band.high > 0 && cdf(complement(binomial, static_cast<double>(band.high - 1))) <= each) --band.high;
   return band;
 }
 

@@ -37,24 +37,24 @@ PilotMoments pilot_moments(const Problem& problem, std::uint64_t seed) {
 double probability(const Choice& choice, std::int64_t j) {
   switch (choice.method) {
     case Method::single_term:
-      return j > 0 ? choice.law.mass(j - 1) : 1;
+      return j > 0 ? choice.pmf.mass(j - 1) : 1;
     case Method::single_term_drawn:
-      return choice.law.mass(j);
+      return choice.pmf.mass(j);
     default:
-      return choice.law.tail(j);
+      return choice.pmf.tail(j);
   }
 }
 
-bool needs_law(const Choice& choice) { return choice.special.empty() && choice.method != Method::truncated; }
+bool needs_pmf(const Choice& choice) { return choice.special.empty() && choice.method != Method::truncated; }
 
 bool is_refused(const Problem& problem, const Choice& choice) {
-  return needs_law(choice) && !law_exists(rates_of(problem, choice.method));
+  return needs_pmf(choice) && !pmf_exists(rates_of(problem, choice.method));
 }
 
 std::string refusal(const Rates& rates) {
   const std::string base = rates.decay == Decay::geometric ? "2^(" : "k^(";
   const std::string k = rates.decay == Decay::geometric ? " k)" : ")";
-  return "no law has both finite variance and finite work: E D_k^2 ~ " + base + format("%g", -rates.variance) + k +
+  return "no PMF has both finite variance and finite work: E D_k^2 ~ " + base + format("%g", -rates.variance) + k +
          ", work ~ " + base + format("%g", rates.work) + k;
 }
 
@@ -138,7 +138,7 @@ std::vector<Choice> choices(const Problem& problem) {
     if (method == Method::truncated) {
       choice.base_level += higher_base;
     } else if (!is_refused(problem, choice)) {
-      choice.law = default_law(problem, method);
+      choice.pmf = default_pmf(problem, method);
     }
     all.push_back(choice);
     if (method != Method::single_term) continue;
@@ -181,7 +181,7 @@ Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
   report.threshold = family_threshold(judged);
   for (const Problem* problem : problems) {
     PilotMoments moments{};
-    if (law_exists(problem->rates)) moments = pilot_moments(*problem, plan.seed);
+    if (pmf_exists(problem->rates)) moments = pilot_moments(*problem, plan.seed);
     for (const Choice& choice : choices(*problem)) {
       Cell cell;
       if (is_refused(*problem, choice)) {

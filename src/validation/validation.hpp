@@ -6,7 +6,7 @@
 //
 // A family of n cells passes below the two-sided normal quantile with false-alarm rate 1e-6 for the whole
 // (Sidak); a bias of (threshold + 2.33) standard errors is detected with 99 % power. Baselines that are not
-// meant to pass are `biased`; where no law has finite variance and finite work the cell is `refused`; where the
+// meant to pass are `biased`; where no PMF has finite variance and finite work the cell is `refused`; where the
 // level moments say, before the run, that the samples cannot see the answer it is `underpowered`.
 
 #include <cstdint>
@@ -48,7 +48,7 @@ struct Report {
   double smallest_detectable_bias = 0;
 };
 
-/// The choices that validation runs for a problem, with the law its rates ask for; empty law: refused.
+/// The choices that validation runs for a problem, with the PMF its rates ask for; empty PMF: refused.
 std::vector<Choice> choices(const Problem& problem);
 
 /// The standard error of a run, or what rounding may do to its mean, whichever is larger: where all samples agree,

@@ -1,6 +1,6 @@
 #pragma once
 
-// Laws, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject.
+// PMFs, sequences and estimators that are wrong in one way each: what a test of unbiasedness must reject.
 
 #include <algorithm>
 #include <cstdint>
@@ -12,29 +12,29 @@
 namespace debias::trial {
 
 /// Weights of the next level.
-struct LawOffByOne {
-  Geometric law;
-  double mass(std::int64_t j) const { return law.mass(j + 1); }
-  double tail(std::int64_t j) const { return law.tail(j + 1); }
-  std::int64_t sample(double u) const { return law.sample(u); }
+struct PmfOffByOne {
+  Geometric pmf;
+  double mass(std::int64_t j) const { return pmf.mass(j + 1); }
+  double tail(std::int64_t j) const { return pmf.tail(j + 1); }
+  std::int64_t sample(double u) const { return pmf.sample(u); }
 };
 
 /// No weights at all.
 struct NoReweighting {
-  Geometric law;
+  Geometric pmf;
   double mass(std::int64_t) const { return 1; }
   double tail(std::int64_t) const { return 1; }
-  std::int64_t sample(double u) const { return law.sample(u); }
+  std::int64_t sample(double u) const { return pmf.sample(u); }
 };
 
-/// Cut after level `last` and renormalised: a law that ends, called unbiased.
+/// Cut after level `last` and renormalised: a PMF that ends, called unbiased.
 struct Renormalised {
-  Geometric law;
+  Geometric pmf;
   std::int64_t last;
-  double rest() const { return law.tail(last + 1); }
-  double mass(std::int64_t j) const { return j > last ? 0 : law.mass(j) / (1 - rest()); }
-  double tail(std::int64_t j) const { return j > last ? 0 : (law.tail(j) - rest()) / (1 - rest()); }
-  std::int64_t sample(double u) const { return law.sample(rest() + u * (1 - rest())); }
+  double rest() const { return pmf.tail(last + 1); }
+  double mass(std::int64_t j) const { return j > last ? 0 : pmf.mass(j) / (1 - rest()); }
+  double tail(std::int64_t j) const { return j > last ? 0 : (pmf.tail(j) - rest()) / (1 - rest()); }
+  std::int64_t sample(double u) const { return pmf.sample(rest() + u * (1 - rest())); }
 };
 
 /// No base: I_k is taken for zero wherever it stands alone.
@@ -61,24 +61,24 @@ struct FirstTermDropped {
 
 /// Weights that are cut at `most`.
 struct WeightsCapped {
-  Geometric law;
+  Geometric pmf;
   double most;
-  double mass(std::int64_t j) const { return std::max(law.mass(j), 1 / most); }
-  double tail(std::int64_t j) const { return std::max(law.tail(j), 1 / most); }
-  std::int64_t sample(double u) const { return law.sample(u); }
+  double mass(std::int64_t j) const { return std::max(pmf.mass(j), 1 / most); }
+  double tail(std::int64_t j) const { return std::max(pmf.tail(j), 1 / most); }
+  std::int64_t sample(double u) const { return pmf.sample(u); }
 };
 
 /// Level and difference from the same numbers.
 template <BiasedSequence S>
 struct LevelFromItsOwnDraws {
   S sequence;
-  Geometric law;
+  Geometric pmf;
   Sample<double> operator()(Stream& rng) const {
     Stream own(rng);
-    const std::int64_t level = 1 + law.sample(rng.uniform());
+    const std::int64_t level = 1 + pmf.sample(rng.uniform());
     Stream base = split_level(own, 0);
     const auto draw = sequence(level, own);
-    return {sequence(0, base).value + draw.difference / law.mass(level - 1), draw.work, level};
+    return {sequence(0, base).value + draw.difference / pmf.mass(level - 1), draw.work, level};
   }
 };
 

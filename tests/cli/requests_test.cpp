@@ -52,7 +52,7 @@ TEST_CASE("what nobody types is the default of the request", "[cli][requests][ex
   const auto run = read<commands::RunRequest>("run", {{"problem", "A01"}});
   CHECK(run.problem == &catalog::find("A01"));
   CHECK(!run.shape.estimator);
-  CHECK(std::holds_alternative<commands::Declared>(run.shape.law));
+  CHECK(std::holds_alternative<commands::Declared>(run.shape.pmf));
   CHECK(!run.shape.base_level);
   CHECK(run.shape.block == 1);
   CHECK(!run.sampling.samples);
@@ -71,7 +71,7 @@ TEST_CASE("what nobody types is the default of the request", "[cli][requests][ex
 
 TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
   const auto run = read<commands::RunRequest>("run", {{"problem", "square-of-mean"},
-                                                      {"law", "zeta:s=2.5"},
+                                                      {"pmf", "zeta:s=2.5"},
                                                       {"estimator", "single_term_drawn"},
                                                       {"base_level", "3"},
                                                       {"block", "1e1"},
@@ -79,7 +79,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
                                                       {"shard", "2/5"},
                                                       {"seed", "18446744073709551615"}});
   CHECK(run.problem->id == "A10");
-  CHECK(std::get<AnyPmf>(run.shape.law).spec() == "zeta:s=2.5");
+  CHECK(std::get<AnyPmf>(run.shape.pmf).spec() == "zeta:s=2.5");
   CHECK(run.shape.estimator->method == catalog::Method::single_term_drawn);
   CHECK(run.shape.base_level == 3);
   CHECK(run.shape.block == 10);
@@ -87,7 +87,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
   CHECK(run.shard->index == 2);
   CHECK(run.shard->of == 5);
   CHECK(run.sampling.seed == 18446744073709551615u);
-  CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"law", "auto"}}).shape.by_recipe());
+  CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"pmf", "auto"}}).shape.by_recipe());
   CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"estimator", "ratio_tracking"}})
             .shape.estimator->special == "ratio_tracking");
   CHECK(read<commands::MultilevelRequest>("run", {{"problem", "A01"}, {"estimator", "multilevel"}, {"error", "0.5"}})
@@ -111,10 +111,10 @@ TEST_CASE("a refusal names the option as it is typed, wherever it was found out"
 TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests][exact]") {
   const catalog::Problem& problem = catalog::find("A01");
   using commands::Estimator;
-  for (const commands::Law& law : std::vector<commands::Law>{commands::Declared{}, commands::ByRecipe{},
+  for (const commands::Pmf& pmf : std::vector<commands::Pmf>{commands::Declared{}, commands::ByRecipe{},
                                                              AnyPmf(Geometric(0.1)), AnyPmf(Poisson(1.0 / 3))}) {
     for (const std::int64_t block : {1, 1000, 100'000}) {
-      commands::RunRequest r{.problem = &problem, .shape = {.law = law, .block = block}};
+      commands::RunRequest r{.problem = &problem, .shape = {.pmf = pmf, .block = block}};
       CHECK(survives(r));
       r.shape.estimator = Estimator{catalog::Method::single_term_drawn};
       r.shape.base_level = 12;

@@ -49,22 +49,22 @@ struct Memory final : Store {
 
 TEST_CASE("a request with defaults alone runs a problem as its declared rates ask", "[commands][exact]") {
   const RunReport report = run({.problem = &problem(), .sampling = {.samples = 2000, .seed = 3}});
-  const Statistics expected = problem().run({.law = catalog::default_law(problem())}, {.samples = 2000, .seed = 3});
+  const Statistics expected = problem().run({.pmf = catalog::default_pmf(problem())}, {.samples = 2000, .seed = 3});
   CHECK(validation::bits_of(report.statistics) == validation::bits_of(expected));
   CHECK(std::abs(report.z) < 4.5);
 }
 
 TEST_CASE("a refusal names fields, and each door spells them", "[commands][exact]") {
-  const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"law"}, " out of base_level"});
-  CHECK(std::string(e.what()) == "base_level = '1'; leave law out of base_level");
+  const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"pmf"}, " out of base_level"});
+  CHECK(std::string(e.what()) == "base_level = '1'; leave PMF out of base_level");
   CHECK(e.spelled([](std::string_view f) { return "<" + std::string(f) + ">"; }) ==
-        "<base_level> = '1'; leave <law> out of base_level");
+        "<base_level> = '1'; leave <pmf> out of base_level");
 }
 
 TEST_CASE("fields that do not go together are refused, whoever asks", "[commands][exact]") {
   const commands::Estimator truncated{catalog::Method::truncated};
   CHECK(refusal([&] {
-          run({.problem = &problem(), .shape = {.estimator = truncated, .law = AnyPmf(Zeta(2.0))}});
+          run({.problem = &problem(), .shape = {.estimator = truncated, .pmf = AnyPmf(Zeta(2.0))}});
         }).find("truncated draws no level") != std::string::npos);
   CHECK(refusal([&] {
           run({.problem = &problem(), .sampling = {.samples = 10, .goal = {.error = 1}}});
@@ -74,9 +74,9 @@ TEST_CASE("fields that do not go together are refused, whoever asks", "[commands
         }).find("more than one") != std::string::npos);
   CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a sweep is for") !=
         std::string::npos);
-  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("law auto chooses it") !=
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("PMF auto chooses it") !=
         std::string::npos);
-  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.law = ByRecipe{}}}); }).find("a replay needs") !=
+  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.pmf = ByRecipe{}}}); }).find("a replay needs") !=
         std::string::npos);
   CHECK(refusal([&] { validate({.samples = 1}); }).find("has no standard error") != std::string::npos);
   CHECK(refusal([&] { multilevel_of({.problem = &problem()}); }).find("takes its draws from error") !=
@@ -100,10 +100,10 @@ TEST_CASE("a run that is kept half way and extended has the bits of the whole", 
 
 TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
   RunRequest now;
-  const RunReport report = run({.problem = &problem(), .shape = {.law = ByRecipe{}}, .sampling = {.samples = 20'000}},
+  const RunReport report = run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}},
                                {}, {}, [&](const RunRequest& kept, const RunState&) { now = kept; });
   REQUIRE(report.advice);
-  CHECK(std::get<AnyPmf>(now.shape.law).spec() == report.advice->law.spec());
+  CHECK(std::get<AnyPmf>(now.shape.pmf).spec() == report.advice->pmf.spec());
   CHECK(now.shape.block == report.advice->block);
   const Statistics again = run(now).statistics;  // without the pilot, whose work counts in the report
   CHECK(again.components.front().mean == report.statistics.components.front().mean);

@@ -37,7 +37,7 @@ namespace {
 using State = Coupling::State;
 
 /// README's (E X)^2 of an exponential, and what is wrong with it.
-enum class Slip { none, exchanged, other_law, always_base, from_level_one, value_of_below, coarse_halved_late };
+enum class Slip { none, exchanged, other_pmf, always_base, from_level_one, value_of_below, coarse_halved_late };
 
 struct Squared {
   Slip slip = Slip::none;
@@ -62,7 +62,7 @@ struct Squared {
     switch (slip) {
       case Slip::exchanged:
         return coupled(coarse, fine, work);
-      case Slip::other_law:  // of halves that are a third too long
+      case Slip::other_pmf:  // of halves that are a third too long
         return coupled(fine, coarse / 1.2, work);
       case Slip::always_base:
         return base(fine, work);
@@ -148,7 +148,7 @@ TEST_CASE(
     "a coarse partner of another law, base() at every level, levels from 1, and values of the level below are found",
     "[core][coupling][statistical]") {
   for (const Slip slip :
-       {Slip::other_law, Slip::always_base, Slip::from_level_one, Slip::value_of_below, Slip::coarse_halved_late}) {
+       {Slip::other_pmf, Slip::always_base, Slip::from_level_one, Slip::value_of_below, Slip::coarse_halved_late}) {
     CAPTURE(static_cast<int>(slip));
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {
       CHECK(estimate(single_term(Squared{slip}, Geometric(0.6)), of_seed(seed, 200'000)).coupling.state ==

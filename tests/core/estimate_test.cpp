@@ -194,8 +194,8 @@ TEST_CASE("results that do not belong together refuse to merge, and say why", "[
   CHECK_THROWS_WITH(merge(a, run(debiased, 12'288, 4096)), Contains("do not meet"));
   CHECK_THROWS_WITH(merge(run(debiased, 0, 5000), run(debiased, 5000, 3192)), Contains("multiple of 512"));
   CHECK_THROWS_WITH(merge(a, run(debiased, 8192, 4096, 2, 8)), Contains("seeds 7 and 8"));
-  const auto other_law = single_term(squared_mean, Geometric(0.65));
-  CHECK_THROWS_WITH(merge(a, run(other_law, 8192, 4096)),
+  const auto other_pmf = single_term(squared_mean, Geometric(0.65));
+  CHECK_THROWS_WITH(merge(a, run(other_pmf, 8192, 4096)),
                     Contains("different estimators") && Contains("geometric:r=0.65"));
   const auto other_base = single_term(squared_mean, Geometric(0.6), {.base_level = 1});
   CHECK_THROWS_AS(merge(a, run(other_base, 8192, 4096)), std::invalid_argument);
@@ -242,11 +242,11 @@ void check_replay(const E& estimator, const Weight& weight) {
 
 TEST_CASE("trace gives each of the largest samples again, and its levels sum up to its value",
           "[core][estimate][exact]") {
-  const Geometric law(0.6);
-  check_replay(debiased, [&law](std::int64_t level) { return 1 / law.mass(level - 1); });
-  check_replay(independent_sum(squared_mean, law), [&law](std::int64_t level) { return 1 / law.tail(level); });
-  check_replay(roulette(NoisyHalves{}, law, {.base_level = 2}),
-               [&law](std::int64_t level) { return 1 / law.tail(level - 2); });
+  const Geometric pmf(0.6);
+  check_replay(debiased, [&pmf](std::int64_t level) { return 1 / pmf.mass(level - 1); });
+  check_replay(independent_sum(squared_mean, pmf), [&pmf](std::int64_t level) { return 1 / pmf.tail(level); });
+  check_replay(roulette(NoisyHalves{}, pmf, {.base_level = 2}),
+               [&pmf](std::int64_t level) { return 1 / pmf.tail(level - 2); });
 }
 
 // ---- when samples go wrong

@@ -87,7 +87,7 @@ std::vector<std::string> said() {
   all.push_back(s.bias_bound.sentence);
   all.push_back(printed(s));
   all.push_back(e.describe());
-  all.push_back(RadiusLaw(0.75).spec());
+  all.push_back(RadiusPmf(0.75).spec());
   all.push_back(IndexRoulette(0.5).spec());
   all.push_back(AnyPmf::parse("zeta:s=2.5").spec());
   all.push_back(judge(Rates{2, 1}, TailExponent{1.5, Decay::geometric}).sentence);
@@ -102,7 +102,7 @@ std::vector<std::string> said() {
   all.push_back(refused([&] { estimate(single_term(reciprocal(x)), {.samples = 10, .goal = {.error = -0.5}}); }));
   all.push_back(refused([] { finite_difference([](double t) { return t; }, 1.5, {.first_step = -0.25}); }));
   all.push_back(refused([] { default_exponent(Rates{0.5, 1.5}); }));
-  all.push_back(refused([] { RadiusLaw(1.5); }));
+  all.push_back(refused([] { RadiusPmf(1.5); }));
   all.push_back(refused([] { interval_of(Moments{}, 1.5); }));
   all.push_back(refused([&] { single_term(function_of_mean(x, functions::Square{}, {0.5, 1.5})); }));
   return all;

@@ -12,7 +12,7 @@
 
 namespace {
 
-/// P(J >= j) = 2^-j, written by hand. Each law below goes wrong in one place.
+/// P(J >= j) = 2^-j, written by hand. Each PMF below goes wrong in one place.
 struct Half {
   double mass(std::int64_t j) const { return std::ldexp(0.5, -static_cast<int>(j)); }
   double tail(std::int64_t j) const { return j > 1100 ? 0.0 : std::ldexp(1.0, -static_cast<int>(j)); }
@@ -47,7 +47,7 @@ struct SampleOneTooDeep : Half {
 struct SampleByTheOtherEnd : Half {  // the right frequencies, but deep levels at large u
   std::int64_t sample(double u) const { return Half::sample(1 - u); }
 };
-struct SampleOfTheCumulative : Half {  // inverts P(J <= j) where the law has P(J >= j)
+struct SampleOfTheCumulative : Half {  // inverts P(J <= j) where the PMF has P(J >= j)
   std::int64_t sample(double u) const {
     std::int64_t j = 0;
     while (u > tail(j + 1) && j < 60) ++j;
@@ -87,11 +87,11 @@ bool fails(const std::string& kind) {
 
 }  // namespace
 
-TEST_CASE("The law suite accepts a right law", "[core][law]") {
+TEST_CASE("The law suite accepts a right PMF", "[core][law]") {
   CHECK(debias::laws::pmf_laws(Half{}) == debias::laws::Failures{});
 }
 
-TEST_CASE("The law suite rejects each wrong law by the claim that it breaks", "[core][law]") {
+TEST_CASE("The law suite rejects each wrong PMF by the claim that it breaks", "[core][law]") {
   CHECK(fails<MassOfTheNextLevel>("masses"));
   CHECK(fails<MassOfTheNextLevel>("frequencies"));
   CHECK(fails<MassesOnly1PerMilleTooLarge>("masses"));

@@ -44,21 +44,21 @@ TEST_CASE("the range of exponents is where variance and work are both sums that 
   CHECK(inside > 100);
 }
 
-TEST_CASE("no law exists at the border, where variance and work rates meet", "[core][rates][exact]") {
-  CHECK(law_exists({1.001, 1}));
-  CHECK_FALSE(law_exists({1, 1}));
-  CHECK_FALSE(law_exists({0.486, 1.485}));  // photons, area halved and number times 2.8: no law, as published
-  CHECK(law_exists({3.001, 1, Decay::polynomial}));
-  CHECK_FALSE(law_exists({3, 1, Decay::polynomial}));
-  CHECK(law_exists({forever, 1}));
+TEST_CASE("no PMF exists at the border, where variance and work rates meet", "[core][rates][exact]") {
+  CHECK(pmf_exists({1.001, 1}));
+  CHECK_FALSE(pmf_exists({1, 1}));
+  CHECK_FALSE(pmf_exists({0.486, 1.485}));  // photons, area halved and number times 2.8: no PMF, as published
+  CHECK(pmf_exists({3.001, 1, Decay::polynomial}));
+  CHECK_FALSE(pmf_exists({3, 1, Decay::polynomial}));
+  CHECK(pmf_exists({forever, 1}));
   CHECK_THROWS_AS(default_exponent({1, 1}), std::invalid_argument);
   CHECK_THROWS_AS(default_exponent({3, 1, Decay::polynomial}), std::invalid_argument);
   try {
     default_exponent({1, 1.5});
-    FAIL("no law has both");
+    FAIL("no PMF has both");
   } catch (const std::invalid_argument& e) {
     CHECK_THAT(e.what(),
-               Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") && Catch::Contains("no law has both"));
+               Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") && Catch::Contains("no PMF has both"));
   }
 }
 
@@ -72,7 +72,7 @@ TEST_CASE("the default exponent lies inside, and keeps the fourth moment where t
     for (const double work : {0.0, 0.5, 1.0, 2.0}) {
       for (int i = 1; i < 80; ++i) {
         const Rates rates{i / 8.0, work, decay};
-        if (!law_exists(rates)) continue;
+        if (!pmf_exists(rates)) continue;
         const double rho = default_exponent(rates);
         CAPTURE(rates.variance, work, rho);
         REQUIRE(in_range(rates, rho));

@@ -206,8 +206,8 @@ TEST_CASE("a Zeta whose levels do not fit 64 bits is drawn as long as none of th
   CHECK(refusal_of([&] { estimate(single_term(terms, Zeta(1.35)), {.samples = 1 << 16}); }) != "drawn");
   CHECK(refusal_of([&] { estimate(single_term(terms, Zeta(1.35)), {.samples = 1000}); }) == "drawn");
   CHECK(refusal_of([&] { estimate(single_term(terms, Zeta(1.45)), {.samples = 1 << 16}); }) == "drawn");
-  CHECK(refusal_of([&] { estimate(single_term(terms, RadiusLaw(0.5)), {.samples = 1 << 16}); }) == "drawn");
-  CHECK(refusal_of([&] { estimate(single_term(terms, RadiusLaw(2.0 / 3)), {.samples = 1 << 16}); }) != "drawn");
+  CHECK(refusal_of([&] { estimate(single_term(terms, RadiusPmf(0.5)), {.samples = 1 << 16}); }) == "drawn");
+  CHECK(refusal_of([&] { estimate(single_term(terms, RadiusPmf(2.0 / 3)), {.samples = 1 << 16}); }) != "drawn");
 }
 
 TEST_CASE("a recipe chooses within what can be drawn, says the price, and is unbiased",
@@ -219,7 +219,7 @@ TEST_CASE("a recipe chooses within what can be drawn, says the price, and is unb
   constexpr double truth = 3.10554728;  // zeta(1.4)
   const Plan plan{.samples = 1 << 18, .seed = 3};
   const auto result = estimate(recipe(noisy), plan);
-  CHECK(result.advice.law.spec().find("zeta") == 0);
+  CHECK(result.advice.pmf.spec().find("zeta") == 0);
   CHECK(result.advice.price > 1);
   std::string said;
   for (const std::string& sentence : result.advice.sentences) said += sentence + "\n";

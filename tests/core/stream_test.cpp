@@ -102,9 +102,9 @@ TEST_CASE("layout version 1: seed 1, index 0 gives these numbers for ever", "[co
   const Stream root(1, 0);
   check_bits(root.split(7), {0x4c43d1729ea621bc, 0x34e35f3d8a5674a0, 0xfb96b15844c5a0ba, 0xdf98c6599ec51beb});
   check_bits(split_level(root, 7), {0x4c43d1729ea621bc, 0x34e35f3d8a5674a0, 0xfb96b15844c5a0ba, 0xdf98c6599ec51beb});
-  check_bits(split(root, Branch::law),
+  check_bits(split(root, Branch::pmf),
              {0x658474cc1ebb1bef, 0xf49b9f1d9bfea250, 0xdfc2e19092fcc406, 0xf9001175bf41b4cd});
-  check_bits(split(Stream(1, 5).split(7), Branch::law),
+  check_bits(split(Stream(1, 5).split(7), Branch::pmf),
              {0xb326e0d6d15524db, 0x2f3e7c6fc01e1049, 0x56c88b380cb201be, 0x5264e795cd6b6e84});
 }
 
@@ -297,7 +297,7 @@ TEST_CASE("256 neighbouring samples, seeds and branches are uncorrelated", "[cor
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(1, i); }) < z_of_family);
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(i, 0); }) < z_of_family);
   CHECK(neighbour_correlation([](std::uint64_t i) { return Stream(1, 0).split(i); }) < z_of_family);
-  CHECK(neighbour_correlation([](std::uint64_t i) { return split(Stream(i, 0), Branch::law); }) < z_of_family);
+  CHECK(neighbour_correlation([](std::uint64_t i) { return split(Stream(i, 0), Branch::pmf); }) < z_of_family);
   // Power: one pair of equal neighbours in 256, and a family one step along one stream.
   CHECK_FALSE(neighbour_correlation([](std::uint64_t i) { return Stream(1, i == 100 ? 99 : i); }) < z_of_family);
   CHECK_FALSE(neighbour_correlation([](std::uint64_t i) {

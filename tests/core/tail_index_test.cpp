@@ -45,7 +45,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// A law of numbers with tail index xi, and whether they lie on a lattice.
+// A PMF of numbers with tail index xi, and whether they lie on a lattice.
 struct Family {
   std::string name;
   bool lattice;
@@ -53,13 +53,13 @@ struct Family {
   std::function<double(double xi, Stream& rng)> draw;
 };
 
-// D_N / p_N with D_k = 2^(-beta k / 2) times a factor, and a geometric law that makes its tail index xi.
+// D_N / p_N with D_k = 2^(-beta k / 2) times a factor, and a geometric PMF that makes its tail index xi.
 template <class Factor>
 auto single(double beta, Factor factor) {
   return [=](double xi, Stream& rng) {
-    const auto law = Geometric::with_exponent(beta / (2 * (1 - xi)));
-    const std::int64_t level = law.sample(rng.uniform());
-    return factor(rng) * std::exp2(-beta / 2 * static_cast<double>(level)) / law.mass(level);
+    const auto pmf = Geometric::with_exponent(beta / (2 * (1 - xi)));
+    const std::int64_t level = pmf.sample(rng.uniform());
+    return factor(rng) * std::exp2(-beta / 2 * static_cast<double>(level)) / pmf.mass(level);
   };
 }
 
@@ -188,7 +188,7 @@ TEST_CASE("the median of k is within 0.1 of the tail index, on lattices as on co
   int lattices = 0;
   for (const Family& family : families()) {
     for (const double xi : {0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
-      // A law that falls by more than 10 from level to level shows 10^4 samples fewer than four of them.
+      // A PMF that falls by more than 10 from level to level shows 10^4 samples fewer than four of them.
       if (family.beta / (2 * (1 - xi)) > 3.4) continue;
       const Medians m = medians(family, xi, 31);
       CAPTURE(family.name, xi, m.k, m.plain);
@@ -219,10 +219,10 @@ TEST_CASE("bounded numbers have no heavy tail", "[tail_index][statistical]") {
   CHECK(die.k < -0.5);
   const TailIndex seldom = index([](Stream& rng) { return rng.uniform() < 0.015 ? 1.0 : 0.0; });
   CHECK(seldom.state == TailState::bounded);
-  const TailIndex weights = index([](Stream& rng) {  // D_k / p_k bounded: a law as flat as the differences
-    const Geometric law(0.5);
-    const std::int64_t level = law.sample(rng.uniform());
-    return rng.uniform() * std::exp2(static_cast<double>(-level)) / law.mass(level);
+  const TailIndex weights = index([](Stream& rng) {  // D_k / p_k bounded: a PMF as flat as the differences
+    const Geometric pmf(0.5);
+    const std::int64_t level = pmf.sample(rng.uniform());
+    return rng.uniform() * std::exp2(static_cast<double>(-level)) / pmf.mass(level);
   });
   CHECK(weights.k < 0);
   for (const TailIndex* light : {&coin, &seldom}) CHECK(light->k == -forever);
@@ -239,12 +239,12 @@ TEST_CASE("too few values to see a shape are no tail at all", "[tail_index][exac
 }
 
 TEST_CASE("k does not depend on scale and place of the numbers", "[tail_index][exact]") {
-  const auto law = Geometric::with_exponent(2);
+  const auto pmf = Geometric::with_exponent(2);
   std::vector<double> lattice;
   std::vector<double> smooth = quantiles(5000, 0.4, 1.5);
   for (std::uint64_t i = 0; i < 5000; ++i) {
-    const std::int64_t level = law.sample(Stream(1, i).uniform());
-    lattice.push_back(std::exp2(static_cast<double>(-level)) / law.mass(level));
+    const std::int64_t level = pmf.sample(Stream(1, i).uniform());
+    lattice.push_back(std::exp2(static_cast<double>(-level)) / pmf.mass(level));
   }
   for (const std::vector<double>& values : {lattice, smooth}) {
     const double k = index_of(values).k;
@@ -262,13 +262,13 @@ TEST_CASE("k does not depend on scale and place of the numbers", "[tail_index][e
 }
 
 TEST_CASE("values that differ by rounding only are ties", "[tail_index][exact]") {
-  const auto law = Geometric::with_exponent(2);
+  const auto pmf = Geometric::with_exponent(2);
   std::vector<double> exact;
   std::vector<double> rounded;
   for (std::uint64_t i = 0; i < 10'000; ++i) {
     Stream rng(1, i);
-    const std::int64_t level = law.sample(rng.uniform());
-    exact.push_back(std::exp2(static_cast<double>(-level)) / law.mass(level));
+    const std::int64_t level = pmf.sample(rng.uniform());
+    exact.push_back(std::exp2(static_cast<double>(-level)) / pmf.mass(level));
     rounded.push_back(exact.back() * (1 + 1e-15 * (rng.uniform() - 0.5)));
   }
   CHECK(std::abs(index_of(rounded).k - index_of(exact).k) < 1e-9);

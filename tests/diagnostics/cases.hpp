@@ -1,6 +1,6 @@
 #pragma once
 
-// Runs with a known answer: a problem of the catalogue under a law that makes its tail index what is asked
+// Runs with a known answer: a problem of the catalogue under a PMF that makes its tail index what is asked
 // for.
 //
 //   xi = 1 - beta / (2 rho), so rho = beta / (2 (1 - xi))                  differences that scale
@@ -23,20 +23,20 @@ struct LabelledCase {
   std::string problem;
   double index;  ///< xi; -infinity for differences that end
   catalog::Method method = catalog::Method::single_term;
-  std::string law{};  ///< empty: the geometric law with this index
+  std::string pmf{};  ///< empty: the geometric PMF with this index
   bool rare = false;
 
   [[nodiscard]] bool finite() const { return index < 0.5; }
-  [[nodiscard]] AnyPmf the_law() const {
-    if (!law.empty()) return AnyPmf::parse(law);
+  [[nodiscard]] AnyPmf the_pmf() const {
+    if (!pmf.empty()) return AnyPmf::parse(pmf);
     const catalog::Problem& p = catalog::find(problem);
-    if (!rare) return validation::law_with_tail_index(p, index);
+    if (!rare) return validation::pmf_with_tail_index(p, index);
     return AnyPmf(Geometric::with_exponent(p.rates.variance * index / (1 - index)));
   }
   [[nodiscard]] Statistics run(std::int64_t samples, std::uint64_t seed) const {
     const catalog::Problem& p = catalog::find(problem);
     const std::int64_t base = std::max<std::int64_t>(p.lowest_base, 0);
-    return p.run({method, the_law(), base}, {.samples = samples, .seed = seed, .threads = 1});
+    return p.run({method, the_pmf(), base}, {.samples = samples, .seed = seed, .threads = 1});
   }
 };
 

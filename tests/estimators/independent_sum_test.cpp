@@ -20,13 +20,13 @@ using laws::Failures;
 
 namespace {
 
-const Geometric law(0.55);
+const Geometric pmf(0.55);
 
 template <class S>
 void check_everywhere(const S& sequence) {
   for (const std::int64_t m : {0, 1, 3}) {
     CAPTURE(m);
-    CHECK(estimator_laws(independent_sum(sequence, law, {.base_level = m}), sequence.truth()) == Failures{});
+    CHECK(estimator_laws(independent_sum(sequence, pmf, {.base_level = m}), sequence.truth()) == Failures{});
   }
 }
 
@@ -44,12 +44,12 @@ TEST_CASE("independent_sum is unbiased and honest on squares of means and combs"
   check_everywhere(Comb{});
 }
 
-TEST_CASE("independent_sum takes the law of the declared rates, and refuses a negative base level",
+TEST_CASE("independent_sum takes the PMF of the declared rates, and refuses a negative base level",
           "[independent_sum][exact]") {
-  CHECK(independent_sum(SquaredMean{}).law().tail_exponent().exponent == Approx(7.0 / 6));
-  CHECK(independent_sum(SquaredMean{}, law, {.base_level = 2}).describe() ==
+  CHECK(independent_sum(SquaredMean{}).pmf().tail_exponent().exponent == Approx(7.0 / 6));
+  CHECK(independent_sum(SquaredMean{}, pmf, {.base_level = 2}).describe() ==
         "independent_sum, geometric:r=0.55, base level 2");
-  CHECK_THROWS_WITH(independent_sum(SquaredMean{}, law, {.base_level = -1}),
+  CHECK_THROWS_WITH(independent_sum(SquaredMean{}, pmf, {.base_level = -1}),
                     Catch::Contains("base_level = -1") && Catch::Contains("independent_sum"));
 }
 
@@ -59,13 +59,13 @@ TEST_CASE("the laws reject independent sums that are scaled, off by one in their
   const Plan plan{.samples = options.samples, .seed = options.seed};
   const auto check = [&](const auto& sequence) {
     const double truth = sequence.truth();
-    CHECK(rejected(scaled_detectably(independent_sum(sequence, law), truth, plan, options.z_limit), truth));
-    CHECK(rejected(independent_sum(sequence, LawOffByOne{law}), truth));
-    CHECK(rejected(independent_sum(sequence, NoReweighting{law}), truth));
-    CHECK(rejected(independent_sum(sequence, Renormalised{law, 1}), truth));
+    CHECK(rejected(scaled_detectably(independent_sum(sequence, pmf), truth, plan, options.z_limit), truth));
+    CHECK(rejected(independent_sum(sequence, PmfOffByOne{pmf}), truth));
+    CHECK(rejected(independent_sum(sequence, NoReweighting{pmf}), truth));
+    CHECK(rejected(independent_sum(sequence, Renormalised{pmf, 1}), truth));
     for (const std::int64_t m : {0, 2}) {
       const BaseDropped<std::remove_cvref_t<decltype(sequence)>> dropped{sequence};
-      CHECK(rejected(independent_sum(dropped, law, {.base_level = m}), truth));
+      CHECK(rejected(independent_sum(dropped, pmf, {.base_level = m}), truth));
     }
   };
   check(GeometricSeries{});

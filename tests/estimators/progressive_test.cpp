@@ -18,19 +18,19 @@ using laws::Failures;
 
 namespace {
 
-const Geometric law(0.6);
+const Geometric pmf(0.6);
 const Schedule schedule{.base_level = 1, .first_step = 64, .doublings = 2};
 
 }  // namespace
 
 TEST_CASE("progressive is unbiased and honest, its bases shared or not", "[progressive][statistical][stat]") {
-  CHECK(estimator_laws(progressive(GeometricSeries{}, law, schedule), GeometricSeries{}.truth()) == Failures{});
-  CHECK(estimator_laws(progressive(SquaredMean{}, law, schedule), 1) == Failures{});
-  CHECK(estimator_laws(progressive(Comb{}, law, schedule), Comb{}.truth()) == Failures{});
+  CHECK(estimator_laws(progressive(GeometricSeries{}, pmf, schedule), GeometricSeries{}.truth()) == Failures{});
+  CHECK(estimator_laws(progressive(SquaredMean{}, pmf, schedule), 1) == Failures{});
+  CHECK(estimator_laws(progressive(Comb{}, pmf, schedule), Comb{}.truth()) == Failures{});
 }
 
 TEST_CASE("progressive is unbiased at every index: in every group of one base level", "[progressive][statistical]") {
-  const auto e = progressive(SquaredMean{}, law, schedule);
+  const auto e = progressive(SquaredMean{}, pmf, schedule);
   for (std::int64_t m = 1; m < 5; ++m) {
     const std::int64_t first = schedule.first_index(m);
     const std::int64_t last = schedule.first_index(m + 1);
@@ -68,6 +68,6 @@ TEST_CASE("the schedule counts doublings of the index, and first_index inverts i
     CHECK(schedule.level(static_cast<std::uint64_t>(first)) == m);
     CHECK(schedule.level(static_cast<std::uint64_t>(first) - 1) == m - 1);
   }
-  CHECK_THROWS_AS(progressive(Steady{}, law, {.doublings = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(progressive(Steady{}, pmf, {.doublings = 0}), std::invalid_argument);
   CHECK_THROWS_WITH(averaged(Steady{}, {.base_level = -2}), Catch::Contains("averaged: base_level = -2"));
 }

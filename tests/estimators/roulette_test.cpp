@@ -21,13 +21,13 @@ using laws::Failures;
 
 namespace {
 
-const Geometric law(0.55);
+const Geometric pmf(0.55);
 
 template <class S>
 void check_everywhere(const S& terms) {
   for (const std::int64_t m : {0, 1, 3}) {
     CAPTURE(m);
-    CHECK(estimator_laws(roulette(terms, law, {.base_level = m}), terms.truth()) == Failures{});
+    CHECK(estimator_laws(roulette(terms, pmf, {.base_level = m}), terms.truth()) == Failures{});
   }
 }
 
@@ -44,10 +44,10 @@ TEST_CASE("roulette is unbiased and honest on series with noise, without, and wi
   check_everywhere(SteadyTerms{});
 }
 
-TEST_CASE("roulette takes the law of the declared rates, and refuses a negative base level", "[roulette][exact]") {
-  CHECK(roulette(RatedTerms{}).law().tail_exponent().exponent == Approx(RatedTerms::rates.variance / 2));
-  CHECK(roulette(RatedTerms{}, law, {.base_level = 2}).describe() == "roulette, geometric:r=0.55, base level 2");
-  CHECK_THROWS_WITH(roulette(RatedTerms{}, law, {.base_level = -1}),
+TEST_CASE("roulette takes the PMF of the declared rates, and refuses a negative base level", "[roulette][exact]") {
+  CHECK(roulette(RatedTerms{}).pmf().tail_exponent().exponent == Approx(RatedTerms::rates.variance / 2));
+  CHECK(roulette(RatedTerms{}, pmf, {.base_level = 2}).describe() == "roulette, geometric:r=0.55, base level 2");
+  CHECK_THROWS_WITH(roulette(RatedTerms{}, pmf, {.base_level = -1}),
                     Catch::Contains("base_level = -1") && Catch::Contains("roulette"));
 }
 
@@ -57,13 +57,13 @@ TEST_CASE("the laws reject roulette that is scaled, off by one in its survival, 
   const Plan plan{.samples = options.samples, .seed = options.seed};
   const auto check = [&](const auto& terms) {
     const double truth = terms.truth();
-    CHECK(rejected(scaled_detectably(roulette(terms, law), truth, plan, options.z_limit), truth));
-    CHECK(rejected(roulette(terms, LawOffByOne{law}), truth));
-    CHECK(rejected(roulette(terms, NoReweighting{law}), truth));
-    CHECK(rejected(roulette(terms, Renormalised{law, 1}), truth));
+    CHECK(rejected(scaled_detectably(roulette(terms, pmf), truth, plan, options.z_limit), truth));
+    CHECK(rejected(roulette(terms, PmfOffByOne{pmf}), truth));
+    CHECK(rejected(roulette(terms, NoReweighting{pmf}), truth));
+    CHECK(rejected(roulette(terms, Renormalised{pmf, 1}), truth));
     for (const std::int64_t m : {0, 2}) {
       const FirstTermDropped<std::remove_cvref_t<decltype(terms)>> dropped{terms};
-      CHECK(rejected(roulette(dropped, law, {.base_level = m}), truth));
+      CHECK(rejected(roulette(dropped, pmf, {.base_level = m}), truth));
     }
   };
   check(GeometricTerms{});
@@ -109,7 +109,7 @@ TEST_CASE("roulette pays for each term that it takes", "[roulette][statistical]"
   CHECK_FALSE(std::abs(measured.mean - 8.2) <= 4.5 * measured.standard_error());
 }
 
-TEST_CASE("two laws walk along the same path at one seed", "[roulette][exact]") {
+TEST_CASE("two PMFs walk along the same path at one seed", "[roulette][exact]") {
   const auto flat = roulette(ReciprocalTerms{}, Geometric(0.3));
   const auto steep = roulette(ReciprocalTerms{}, Geometric(0.7));
   for (std::int64_t i = 0; i < 200; ++i) {

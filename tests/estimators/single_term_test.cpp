@@ -24,14 +24,14 @@ using laws::Failures;
 
 namespace {
 
-const Geometric law(0.55);
+const Geometric pmf(0.55);
 
 template <class S>
 void check_everywhere(const S& sequence) {
   for (const std::int64_t m : {0, 1, 3}) {
     for (const Base how : {Base::always, Base::drawn}) {
       CAPTURE(m, how == Base::drawn);
-      CHECK(estimator_laws(single_term(sequence, law, {.base_level = m, .base = how}), sequence.truth()) == Failures{});
+      CHECK(estimator_laws(single_term(sequence, pmf, {.base_level = m, .base = how}), sequence.truth()) == Failures{});
     }
   }
 }
@@ -64,19 +64,19 @@ TEST_CASE("single_term is unbiased and honest with a base that shares the draws 
   check_everywhere(Comb{});
 }
 
-TEST_CASE("single_term without a law takes the one that the declared rates ask for", "[single_term][exact]") {
+TEST_CASE("single_term without a PMF takes the one that the declared rates ask for", "[single_term][exact]") {
   const auto e = single_term(SquaredMean{});
-  CHECK(e.law().tail_exponent().exponent == Approx(7.0 / 6));
+  CHECK(e.pmf().tail_exponent().exponent == Approx(7.0 / 6));
   CHECK(estimator_laws(e, 1, {.repeats = 0}) == Failures{});
   CHECK_THROWS_AS(single_term(Slow{}), std::invalid_argument);
   CHECK_THROWS_WITH(single_term(Polynomial{}), Catch::Contains("Zeta(2"));
-  CHECK_THROWS_WITH(single_term(SquaredMean{}, law, {.base_level = -1}),
+  CHECK_THROWS_WITH(single_term(SquaredMean{}, pmf, {.base_level = -1}),
                     Catch::Contains("base_level = -1") && Catch::Contains("single_term"));
 }
 
-TEST_CASE("single_term names its law, base level and kind of base", "[single_term][exact]") {
-  CHECK(single_term(Steady{}, law).describe() == "single_term, geometric:r=0.55, base level 0");
-  CHECK(single_term(Steady{}, law, {.base_level = 3, .base = Base::drawn}).describe() ==
+TEST_CASE("single_term names its PMF, base level and kind of base", "[single_term][exact]") {
+  CHECK(single_term(Steady{}, pmf).describe() == "single_term, geometric:r=0.55, base level 0");
+  CHECK(single_term(Steady{}, pmf, {.base_level = 3, .base = Base::drawn}).describe() ==
         "single_term, base drawn, geometric:r=0.55, base level 3");
 }
 
@@ -89,18 +89,18 @@ TEST_CASE("the laws reject a bias of three times what can be detected", "[single
     CHECK(rejected(scaled_detectably(e, truth, plan, options.z_limit), truth));
   };
   check(single_term(GeometricSeries{}, Geometric(0.5)), GeometricSeries{}.truth());
-  check(single_term(SquaredMean{}, law), 1);
-  check(single_term(Comb{}, law), Comb{}.truth());
-  check(single_term(Steady{}, law), 0.5);
+  check(single_term(SquaredMean{}, pmf), 1);
+  check(single_term(Comb{}, pmf), Comb{}.truth());
+  check(single_term(Steady{}, pmf), 0.5);
 }
 
-TEST_CASE("the laws reject a law off by one, no weights, and a law that is cut and renormalised",
+TEST_CASE("the laws reject a PMF off by one, no weights, and a PMF that is cut and renormalised",
           "[single_term][statistical]") {
   const Geometric steep(0.7);  // with 0.55, the square of a mean without weights comes out right by accident
   const auto check = [&steep](const auto& sequence) {
     const double truth = sequence.truth();
     for (const Base how : {Base::always, Base::drawn}) {
-      CHECK(rejected(single_term(sequence, LawOffByOne{steep}, {.base = how}), truth));
+      CHECK(rejected(single_term(sequence, PmfOffByOne{steep}, {.base = how}), truth));
       CHECK(rejected(single_term(sequence, NoReweighting{steep}, {.base = how}), truth));
       CHECK(rejected(single_term(sequence, Renormalised{steep, 1}, {.base = how}), truth));
     }
@@ -115,11 +115,11 @@ TEST_CASE("the laws reject a dropped base, and a shared base of one residue of a
   for (const std::int64_t m : {0, 2}) {
     for (const Base how : {Base::always, Base::drawn}) {
       const SingleTermOptions options{.base_level = m, .base = how};
-      CHECK(rejected(single_term(BaseDropped<GeometricSeries>{{}}, law, options), GeometricSeries{}.truth()));
-      CHECK(rejected(single_term(BaseDropped<SquaredMean>{{}}, law, options), 1));
-      CHECK(rejected(single_term(BaseDropped<Steady>{{}}, law, options), 0.5));
+      CHECK(rejected(single_term(BaseDropped<GeometricSeries>{{}}, pmf, options), GeometricSeries{}.truth()));
+      CHECK(rejected(single_term(BaseDropped<SquaredMean>{{}}, pmf, options), 1));
+      CHECK(rejected(single_term(BaseDropped<Steady>{{}}, pmf, options), 0.5));
     }
-    CHECK(rejected(single_term(OneResidue{}, law, {.base_level = m}), Comb{}.truth()));
+    CHECK(rejected(single_term(OneResidue{}, pmf, {.base_level = m}), Comb{}.truth()));
   }
 }
 
@@ -188,8 +188,8 @@ TEST_CASE("with noise the variance is that of the base plus sum E D^2 / p - (sum
 
 TEST_CASE("a shared base costs no draw of its own and varies less", "[single_term][statistical]") {
   const Plan plan{.samples = 50'000, .seed = 3};
-  const auto separate = estimate(single_term(SquaredMean{}, law, {.base_level = 1}), plan);
-  const auto shared = estimate(single_term(SharingSquaredMean{}, law, {.base_level = 1}), plan);
+  const auto separate = estimate(single_term(SquaredMean{}, pmf, {.base_level = 1}), plan);
+  const auto shared = estimate(single_term(SharingSquaredMean{}, pmf, {.base_level = 1}), plan);
   CHECK(shared.work == separate.work - 2 * 50'000.0);
   CHECK(shared.moments.variance() < separate.moments.variance());
   CHECK(shared.levels.at(0).is_base);
@@ -209,7 +209,7 @@ TEST_CASE("the mean work is that of the base plus sum work p", "[single_term][st
         work.push_back(e(rng, record).work);
       }
       const auto base_work = static_cast<double>(m + 1);
-      // 1 is the mean outcome of the law; a level k costs k + 1.
+      // 1 is the mean outcome of the PMF; a level k costs k + 1.
       const double exact = how == Base::drawn ? base_work + 1 : base_work + base_work + 1 + 1;
       const Moments measured = Moments::of(work);
       CHECK(std::abs(measured.mean - exact) <= 4.5 * measured.standard_error());
@@ -220,7 +220,7 @@ TEST_CASE("the mean work is that of the base plus sum work p", "[single_term][st
 
 // ---- draws
 
-TEST_CASE("two laws, and two estimators, see the same level draws at one seed", "[single_term][exact]") {
+TEST_CASE("two PMFs, and two estimators, see the same level draws at one seed", "[single_term][exact]") {
   const auto flat = single_term(SquaredMean{}, Geometric(0.4));
   const auto steep = single_term(SquaredMean{}, Geometric(0.7));
   const auto every = independent_sum(SquaredMean{}, Geometric(0.3));
@@ -241,7 +241,7 @@ TEST_CASE("two laws, and two estimators, see the same level draws at one seed", 
 }
 
 TEST_CASE("draw gives the sample of a named level", "[single_term][exact]") {
-  const auto e = single_term(SquaredMean{}, law, {.base_level = 1});
+  const auto e = single_term(SquaredMean{}, pmf, {.base_level = 1});
   NullRecord record;
   for (std::int64_t i = 0; i < 50; ++i) {
     Stream rng(6, static_cast<std::uint64_t>(i));

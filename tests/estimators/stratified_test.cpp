@@ -31,7 +31,7 @@ using laws::Failures;
 namespace {
 
 constexpr Strata all_strata[] = {Strata::systematic, Strata::uniform, Strata::residual};
-const Geometric law(0.6);
+const Geometric pmf(0.6);
 const laws::EstimatorLawOptions few{.samples = 1 << 12, .samples_per_repeat = 256};
 
 /// Counts the differences of each level.
@@ -100,7 +100,7 @@ TEST_CASE("stratified blocks are unbiased and honest on three sequences, base al
       for (const Base how : {Base::always, Base::drawn}) {
         for (const std::int64_t block : {1, 16}) {
           CAPTURE(name_of(strata), how == Base::drawn, block);
-          CHECK(estimator_laws(stratified(single_term(sequence, law, {.base = how}), block, strata), truth, few) ==
+          CHECK(estimator_laws(stratified(single_term(sequence, pmf, {.base = how}), block, strata), truth, few) ==
                 Failures{});
         }
       }
@@ -111,7 +111,7 @@ TEST_CASE("stratified blocks are unbiased and honest on three sequences, base al
   check(Comb{}, Comb{}.truth());
 }
 
-TEST_CASE("the laws reject stratified blocks of a law off by one, without weights, or with strata left out",
+TEST_CASE("the laws reject stratified blocks of a PMF off by one, without weights, or with strata left out",
           "[stratified][statistical]") {
   const Geometric steep(0.7);
   const laws::EstimatorLawOptions options{.samples = 1 << 12, .repeats = 0};
@@ -120,27 +120,27 @@ TEST_CASE("the laws reject stratified blocks of a law off by one, without weight
       return laws::names(estimator_laws(stratified(e, 16, strata), 1, options), "unbiased");
     };
     CAPTURE(name_of(strata));
-    CHECK(rejected(single_term(SquaredMean{}, LawOffByOne{steep})));
-    if (strata == Strata::residual) continue;  // they ask the law for its masses, not for its strata
+    CHECK(rejected(single_term(SquaredMean{}, PmfOffByOne{steep})));
+    if (strata == Strata::residual) continue;  // they ask the PMF for its masses, not for its strata
     CHECK(rejected(single_term(SquaredMean{}, NoReweighting{steep})));
     using E = SingleTerm<SquaredMean, Geometric>;
-    CHECK(rejected(HalfTheStrata<E>(SquaredMean{}, law, SingleTermOptions{})));
+    CHECK(rejected(HalfTheStrata<E>(SquaredMean{}, pmf, SingleTermOptions{})));
   }
 }
 
-TEST_CASE("residual strata of a law without a falling tail are refused, not searched for ever", "[stratified][exact]") {
+TEST_CASE("residual strata of a PMF without a falling tail are refused, not searched for ever", "[stratified][exact]") {
   const auto refused = [](const auto& p) {
     CHECK_THROWS_WITH(stratified(single_term(SquaredMean{}, p), 64, Strata::residual),
                       Catch::Contains("residual strata") && Catch::Contains("Strata::systematic"));
   };
-  refused(NoReweighting{law});
-  refused(Zeta(1.1));  // a law, but tail(j) = 1 / 64 only at j = 10^18
+  refused(NoReweighting{pmf});
+  refused(Zeta(1.1));  // a PMF, but tail(j) = 1 / 64 only at j = 10^18
   stratified(single_term(SquaredMean{}, Zeta(1.5)), 64, Strata::residual);
 }
 
 TEST_CASE("every level gets its share of a block: whole parts exactly, fractions in the mean", "[stratified][exact]") {
   const std::int64_t n = 40;
-  const auto member = single_term(Steady{}, law, {.base = Base::drawn});
+  const auto member = single_term(Steady{}, pmf, {.base = Base::drawn});
   for (const Strata strata : all_strata) {
     const auto e = stratified(member, n, strata);
     std::map<std::int64_t, std::int64_t> total;
@@ -151,7 +151,7 @@ TEST_CASE("every level gets its share of a block: whole parts exactly, fractions
       e(rng, record);
       std::int64_t members = 0;
       for (const auto& [level, count] : record.counts) {
-        const double expected = static_cast<double>(n) * law.mass(level);
+        const double expected = static_cast<double>(n) * pmf.mass(level);
         const auto c = static_cast<double>(count);
         CAPTURE(name_of(strata), level, expected, c);
         if (strata == Strata::systematic) REQUIRE(std::abs(c - expected) < 1);
@@ -163,7 +163,7 @@ TEST_CASE("every level gets its share of a block: whole parts exactly, fractions
       REQUIRE(members == n);
     }
     for (std::int64_t level = 0; level < 8; ++level) {
-      const double expected = static_cast<double>(n) * law.mass(level) * static_cast<double>(blocks);
+      const double expected = static_cast<double>(n) * pmf.mass(level) * static_cast<double>(blocks);
       CHECK(std::abs(static_cast<double>(total[level]) - expected) < 5 * std::sqrt(expected));
     }
   }
@@ -193,7 +193,7 @@ TEST_CASE("strata take out the variance of choosing the level: n Var Z tends to 
 
 TEST_CASE("a block takes part in chunks of about a thousand members, with the same bits on any threads",
           "[stratified][exact]") {
-  const auto member = single_term(SquaredMean{}, law);
+  const auto member = single_term(SquaredMean{}, pmf);
   for (const auto& [block, chunk] : {std::pair<int, int>{1, 512}, {2, 512}, {3, 256}, {64, 16}, {1024, 1}, {5000, 1}}) {
     CHECK(stratified(member, block).chunk() == chunk);
   }
@@ -216,7 +216,7 @@ TEST_CASE("a block takes part in chunks of about a thousand members, with the sa
 }
 
 TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified][exact]") {
-  const auto member = single_term(SquaredMean{}, law);
+  const auto member = single_term(SquaredMean{}, pmf);
   CHECK(stratified(member, 64).describe() ==
         "stratified in blocks of 64 (systematic), single_term, geometric:r=0.6, base level 0");
   CHECK_THROWS_WITH(stratified(member, 0), Catch::Contains("block = 0"));
@@ -239,15 +239,15 @@ TEST_CASE("members that run together are unbiased and honest, and stratified ove
     for (const Base how : {Base::always, Base::drawn}) {
       for (const std::int64_t block : {1, 16, 200}) {
         CAPTURE(name_of(strata), how == Base::drawn, block);
-        CHECK(estimator_laws(stratified(single_term(comb, law, {.base_level = 2, .base = how}), block, strata),
+        CHECK(estimator_laws(stratified(single_term(comb, pmf, {.base_level = 2, .base = how}), block, strata),
                              std::exp(-tau), few) == Failures{});
       }
     }
   }
   // The same members one by one: a sequence behind a lambda offers no batch.
   const auto alone = [comb](std::int64_t level, Stream& rng) { return comb(level, rng); };
-  const auto together = stratified(single_term(comb, law, {.base_level = 2, .base = Base::drawn}), 64);
-  const auto apart = stratified(single_term(alone, law, {.base_level = 2, .base = Base::drawn}), 64);
+  const auto together = stratified(single_term(comb, pmf, {.base_level = 2, .base = Base::drawn}), 64);
+  const auto apart = stratified(single_term(alone, pmf, {.base_level = 2, .base = Base::drawn}), 64);
   CHECK(member_variance(together, 1 << 16, 64) < 0.3 * member_variance(apart, 1 << 16, 64));
 
   const auto call = [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); };
@@ -262,9 +262,9 @@ TEST_CASE("members that run together are unbiased and honest, and stratified ove
 TEST_CASE("the laws reject a batch whose differences are off, or whose members are all in the first stratum",
           "[stratified][statistical]") {
   const laws::EstimatorLawOptions options{.samples = 1 << 12, .repeats = 0};
-  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<1>{}, law), 16), 0.5, options), "unbiased"));
-  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<2>{}, law), 16), 0.5, options), "unbiased"));
-  CHECK(estimator_laws(stratified(single_term(Skewed<0>{}, law), 16), 0.5, options) == Failures{});
+  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<1>{}, pmf), 16), 0.5, options), "unbiased"));
+  CHECK(laws::names(estimator_laws(stratified(single_term(Skewed<2>{}, pmf), 16), 0.5, options), "unbiased"));
+  CHECK(estimator_laws(stratified(single_term(Skewed<0>{}, pmf), 16), 0.5, options) == Failures{});
 }
 
 TEST_CASE("stratified roulette and independent sums are unbiased", "[stratified][statistical][stat]") {

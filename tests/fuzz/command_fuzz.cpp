@@ -106,7 +106,7 @@ bool shallow(const commands::Shape& shape, const catalog::Problem& problem) {
   if (shape.block > 16 || (!shape.by_recipe() && shape.base_level.value_or(0) > 4)) return false;
   try {
     const catalog::Choice choice = commands::choice_of(shape, problem);
-    return choice.base_level <= 6 && (choice.method == catalog::Method::truncated || choice.law.tail(14) < 1e-4);
+    return choice.base_level <= 6 && (choice.method == catalog::Method::truncated || choice.pmf.tail(14) < 1e-4);
   } catch (const std::exception&) {
     return true;  // it will be refused
   }

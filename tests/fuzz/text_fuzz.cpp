@@ -1,4 +1,4 @@
-// Numbers, laws and names from any text: refused with std::invalid_argument, or read; a law is the one that its spec
+// Numbers, PMFs and names from any text: refused with std::invalid_argument, or read; a PMF is the one that its spec
 // is parsed to.
 
 #include <cmath>
@@ -27,16 +27,16 @@ void refused_or(const Read& read) {
   }
 }
 
-void read_law(std::string_view text) {
-  const AnyPmf law = AnyPmf::parse(text);
-  const AnyPmf again = AnyPmf::parse(law.spec());
+void read_pmf(std::string_view text) {
+  const AnyPmf pmf = AnyPmf::parse(text);
+  const AnyPmf again = AnyPmf::parse(pmf.spec());
   for (const std::int64_t j : {0, 1, 2, 10, 100}) {
-    if (law.mass(j) != again.mass(j) || law.tail(j) != again.tail(j)) std::abort();
-    if (!(law.mass(j) >= 0 && law.mass(j) <= 1 && law.tail(j) >= 0 && law.tail(j) <= 1)) std::abort();
+    if (pmf.mass(j) != again.mass(j) || pmf.tail(j) != again.tail(j)) std::abort();
+    if (!(pmf.mass(j) >= 0 && pmf.mass(j) <= 1 && pmf.tail(j) >= 0 && pmf.tail(j) <= 1)) std::abort();
   }
   for (const double u : {0.9, 0.5, 1e-3}) {
     try {
-      if (law.sample(u) < 0) std::abort();
+      if (pmf.sample(u) < 0) std::abort();
     } catch (const std::length_error&) {
     }
   }
@@ -61,6 +61,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     });
   }
   refused_or([&] { catalog::find(text.substr(0, 100)); });
-  refused_or([&] { read_law(text); });
+  refused_or([&] { read_pmf(text); });
   return 0;
 }

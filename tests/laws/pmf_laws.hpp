@@ -1,8 +1,8 @@
 #pragma once
 
-// What every law of the random level must satisfy, as a list of the claims that failed:
+// What every PMF of the random level must satisfy, as a list of the claims that failed:
 //
-//   CHECK(laws::pmf_laws(Geometric(0.6)) == laws::Failures{});
+//   CHECK(PMFs::pmf_laws(Geometric(0.6)) == PMFs::Failures{});
 //
 // masses: positive, the differences of the tails, and summing to them. inverse: sample(u) is the largest j
 // with u <= tail(j), on both sides of every jump, at the smallest and largest uniforms, and falls with u.
@@ -48,7 +48,7 @@ inline constexpr double rounding = std::numeric_limits<double>::epsilon();
 inline constexpr double underflow = 1e-290;
 inline constexpr std::int64_t level_end = std::int64_t{1} << 62;
 
-/// Where tests of a law begin: the shallowest level that a uniform can reach.
+/// Where tests of a PMF begin: the shallowest level that a uniform can reach.
 template <debias::Pmf P>
 std::int64_t first_level(const P& p) {
   return p.sample(1 - 0x1p-53);
@@ -86,7 +86,7 @@ void check_masses(const P& p, Verdict& verdict) {
   }
 }
 
-/// A level, or level_end where the law refuses, as it must for levels beyond 2^62 or beyond underflow.
+/// A level, or level_end where the PMF refuses, as it must for levels beyond 2^62 or beyond underflow.
 template <debias::Pmf P>
 std::int64_t sampled_level(const P& p, double u) {
   try {
@@ -183,4 +183,4 @@ Failures pmf_laws(const P& p) {
   return verdict.failures();
 }
 
-}  // namespace debias::laws
+}  // namespace debias::PMFs

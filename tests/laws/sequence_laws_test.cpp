@@ -75,11 +75,11 @@ TEST_CASE("the sequence laws accept right sequences, random and deterministic", 
 }
 
 TEST_CASE("the sequence laws name what is broken", "[sequence_laws][law]") {
-  const auto breaks = [](const auto& s, const std::string& law, const laws::SequenceLawOptions& options = {}) {
+  const auto breaks = [](const auto& s, const std::string& pmf, const laws::SequenceLawOptions& options = {}) {
     const Failures failures = sequence_laws(s, options);
-    CAPTURE(failures, law);
+    CAPTURE(failures, pmf);
     bool named = false;
-    for (const std::string& failure : failures) named = named || failure.find(law) != std::string::npos;
+    for (const std::string& failure : failures) named = named || failure.find(pmf) != std::string::npos;
     CHECK(named);
   };
   breaks(Toy{.scale = 1.5}, "E I_1 = E I_0 + E D_1");

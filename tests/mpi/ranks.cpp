@@ -52,7 +52,7 @@ std::string thrown_by(const std::function<void()>& f) {
 
 void bits() {
   const auto by = [](catalog::Method method, std::int64_t block) {
-    return catalog::Choice{.method = method, .law = AnyPmf(Geometric(0.6)), .block = block};
+    return catalog::Choice{.method = method, .pmf = AnyPmf(Geometric(0.6)), .block = block};
   };
   const std::pair<const char*, catalog::Choice> problems[] = {{"A03", by(catalog::Method::single_term, 1)},
                                                               {"D01", by(catalog::Method::roulette, 1)},

@@ -126,30 +126,30 @@ void check(const std::string& factory, const std::string& callable, const E& e,
 template <BiasedSequence S>
 void check_sequence(const std::string& factory, const std::string& callable, const S& s,
                     Infinity infinity = Infinity::reaches_the_mean) {
-  const Geometric law(0.6);
-  check(factory, callable, single_term(s, law), infinity);
-  check(factory, callable, single_term(s, law, {.base_level = 1, .base = Base::drawn}), infinity);
-  check(factory, callable, independent_sum(s, law), infinity);
-  check(factory, callable, stratified(single_term(s, law), 8), infinity);
-  check(factory, callable, stratified(single_term(s, law, {.base = Base::drawn}), 8, Strata::residual), infinity);
+  const Geometric pmf(0.6);
+  check(factory, callable, single_term(s, pmf), infinity);
+  check(factory, callable, single_term(s, pmf, {.base_level = 1, .base = Base::drawn}), infinity);
+  check(factory, callable, independent_sum(s, pmf), infinity);
+  check(factory, callable, stratified(single_term(s, pmf), 8), infinity);
+  check(factory, callable, stratified(single_term(s, pmf, {.base = Base::drawn}), 8, Strata::residual), infinity);
   check(factory, callable, truncated(s, 2), infinity);
   check(factory, callable, averaged(s, {.first_step = 4}), infinity);
-  check(factory, callable, progressive(s, law, {.first_step = 512}), infinity);
+  check(factory, callable, progressive(s, pmf, {.first_step = 512}), infinity);
 }
 
 /// The same for the terms of a series.
 template <TermSequence S>
 void check_terms(const std::string& factory, const std::string& callable, const S& terms,
                  Infinity infinity = Infinity::reaches_the_mean) {
-  const Geometric law(0.4);
-  check(factory, callable, roulette(terms, law), infinity);
-  check(factory, callable, roulette(terms, law, {.base_level = 2}), infinity);
+  const Geometric pmf(0.4);
+  check(factory, callable, roulette(terms, pmf), infinity);
+  check(factory, callable, roulette(terms, pmf, {.base_level = 2}), infinity);
   if constexpr (!requires { terms.require(TailExponent{}); }) {  // terms that fall like powers refuse it
     check(factory, callable, roulette(terms, IndexRoulette(2)), infinity);
   }
   check(factory, callable, roulette(terms, RunningWeight(0.5)), infinity);
-  check(factory, callable, stratified(roulette(terms, law), 8), infinity);
-  check(factory, callable, single_term(levels_of(terms), law), infinity);
+  check(factory, callable, stratified(roulette(terms, pmf), 8), infinity);
+  check(factory, callable, single_term(levels_of(terms), pmf), infinity);
 }
 
 }  // namespace debias::faults

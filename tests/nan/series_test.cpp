@@ -1,4 +1,4 @@
-// NaN and infinity from series, linear operators, laws, policies, and through recipe, survey and multilevel.
+// NaN and infinity from series, linear operators, PMFs, policies, and through recipe, survey and multilevel.
 
 #include <algorithm>
 #include <cmath>
@@ -32,12 +32,12 @@ namespace {
 
 double power_of_half(std::int64_t k) { return bad(std::exp2(-static_cast<double>(k))); }
 
-// A law whose probabilities may be none.
-struct BadLaw {
-  Geometric law{0.5};
-  [[nodiscard]] double mass(std::int64_t j) const { return bad(law.mass(j)); }
-  [[nodiscard]] double tail(std::int64_t j) const { return bad(law.tail(j)); }
-  [[nodiscard]] std::int64_t sample(double u) const { return law.sample(u); }
+// A PMF whose probabilities may be none.
+struct BadPmf {
+  Geometric pmf{0.5};
+  [[nodiscard]] double mass(std::int64_t j) const { return bad(pmf.mass(j)); }
+  [[nodiscard]] double tail(std::int64_t j) const { return bad(pmf.tail(j)); }
+  [[nodiscard]] std::int64_t sample(double u) const { return pmf.sample(u); }
 };
 
 // A diagonal operator.
@@ -135,14 +135,14 @@ TEST_CASE("no series of an operator hides a NaN or an infinity of it", "[nan][ex
   }
 }
 
-TEST_CASE("no estimator hides a NaN or an infinity of its law, its policy or its sequence", "[nan][exact]") {
+TEST_CASE("no estimator hides a NaN or an infinity of its PMF, its policy or its sequence", "[nan][exact]") {
   const auto terms = series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); });
-  check("single_term", "masses of the law", single_term(terms, BadLaw{}));
-  check("single_term", "masses of the law", single_term(terms, BadLaw{}, {.base = Base::drawn}));
-  check("independent_sum", "tails of the law", independent_sum(terms, BadLaw{}));
-  check("roulette", "tails of the law", roulette(terms, BadLaw{}));
-  check("progressive", "masses of the law", progressive(terms, BadLaw{}));
-  check("stratified", "masses of the law", stratified(single_term(terms, BadLaw{}), 4));
+  check("single_term", "masses of the PMF", single_term(terms, BadPmf{}));
+  check("single_term", "masses of the PMF", single_term(terms, BadPmf{}, {.base = Base::drawn}));
+  check("independent_sum", "tails of the PMF", independent_sum(terms, BadPmf{}));
+  check("roulette", "tails of the PMF", roulette(terms, BadPmf{}));
+  check("progressive", "masses of the PMF", progressive(terms, BadPmf{}));
+  check("stratified", "masses of the PMF", stratified(single_term(terms, BadPmf{}), 4));
   check("roulette", "early policy", roulette(terms, [](std::int64_t) { return bad(0.6); }));
   check("roulette", "late policy", roulette(terms, [](std::int64_t, double) { return bad(0.6); }));
   CHECK(std::isnan(RunningWeight(1)(1, poisons[0])));
@@ -159,12 +159,12 @@ TEST_CASE("no estimator hides a NaN or an infinity of its law, its policy or its
   covers("extend", "see estimate");
   covers("trace", "see estimate");
 
-  // A law that is wrong before a run starts.
+  // A PMF that is wrong before a run starts.
   faults::faults.begin(poisons[0]);
   int refused = 0;
   for (int i = 0; i < 200; ++i) {
     try {
-      (void)stratified(single_term(terms, BadLaw{}), 16, Strata::residual);
+      (void)stratified(single_term(terms, BadPmf{}), 16, Strata::residual);
     } catch (const std::invalid_argument&) {
       ++refused;
     }
@@ -208,9 +208,9 @@ TEST_CASE("no whole run ends in a number beside callables that returned none", "
   }
 }
 
-TEST_CASE("laws and statistics refuse or keep a NaN", "[nan][exact]") {
+TEST_CASE("PMFs and statistics refuse or keep a NaN", "[nan][exact]") {
   const double nan = poisons[0];
-  CHECK_THROWS(RadiusLaw(0.5).sample(nan));
+  CHECK_THROWS(RadiusPmf(0.5).sample(nan));
 #ifdef NDEBUG  // else an assertion says so
   CHECK_THROWS(Geometric(0.5).sample(nan));
   CHECK_THROWS(Tabulated({1, 2}, 0.5).sample(nan));

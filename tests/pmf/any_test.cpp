@@ -11,8 +11,8 @@ using debias::AnyPmf;
 
 static_assert(debias::DescribedPmf<AnyPmf>);
 
-TEST_CASE("A law and the law that its spec is parsed to are the same, bit for bit", "[pmf][exact]") {
-  const AnyPmf any_laws[] = {
+TEST_CASE("A PMF and the PMF that its spec is parsed to are the same, bit for bit", "[pmf][exact]") {
+  const AnyPmf any_pmfs[] = {
       AnyPmf(debias::Geometric(0.6)),
       AnyPmf(debias::Geometric::with_exponent(1.3)),
       AnyPmf(debias::Geometric(1e-6 / 3)),
@@ -23,20 +23,20 @@ TEST_CASE("A law and the law that its spec is parsed to are the same, bit for bi
       AnyPmf(debias::Tabulated({0.5, 0.3, 0.2}, 0.4)),
       AnyPmf(debias::Tabulated({1e-30 / 3, 1e20 / 7, 5}, 1.0 / 3)),
   };
-  for (const AnyPmf& law : any_laws) {
-    CAPTURE(law.spec());
-    const AnyPmf again = AnyPmf::parse(law.spec());
-    CHECK(again.spec() == law.spec());
-    CHECK(again.tail_exponent().exponent == law.tail_exponent().exponent);
-    CHECK(again.tail_exponent().decay == law.tail_exponent().decay);
+  for (const AnyPmf& pmf : any_pmfs) {
+    CAPTURE(pmf.spec());
+    const AnyPmf again = AnyPmf::parse(pmf.spec());
+    CHECK(again.spec() == pmf.spec());
+    CHECK(again.tail_exponent().exponent == pmf.tail_exponent().exponent);
+    CHECK(again.tail_exponent().decay == pmf.tail_exponent().decay);
     for (std::int64_t j = 0; j < 2000; ++j) {
-      if (again.mass(j) != law.mass(j) || again.tail(j) != law.tail(j)) FAIL_CHECK("level " << j);
+      if (again.mass(j) != pmf.mass(j) || again.tail(j) != pmf.tail(j)) FAIL_CHECK("level " << j);
     }
-    for (double u = 0.99; u > 1e-6; u *= 0.9) CHECK(again.sample(u) == law.sample(u));
+    for (double u = 0.99; u > 1e-6; u *= 0.9) CHECK(again.sample(u) == pmf.sample(u));
   }
 }
 
-TEST_CASE("Every form of a law on the command line says which law it is", "[pmf][exact]") {
+TEST_CASE("Every form of a PMF on the command line says which PMF it is", "[pmf][exact]") {
   CHECK(AnyPmf::parse("geometric:r=0.6").spec() == "geometric:r=0.6");
   CHECK(AnyPmf::parse("geometric:theta=1").spec() == "geometric:r=0.5");
   CHECK(AnyPmf::parse("zeta:s=2.5").spec() == "zeta:s=2.5");
@@ -50,21 +50,21 @@ TEST_CASE("Every form of a law on the command line says which law it is", "[pmf]
   }
 }
 
-TEST_CASE("A law chosen at run time is a law", "[pmf][law]") {
+TEST_CASE("A PMF chosen at run time is a PMF", "[pmf][law]") {
   for (const char* spec : {"geometric:r=0.6", "zeta:s=2.5", "poisson:lambda=3", "tabulated:0.5,0.3,0.2;tail=0.4"}) {
     CAPTURE(spec);
     CHECK(debias::laws::pmf_laws(AnyPmf::parse(spec)) == debias::laws::Failures{});
   }
 }
 
-TEST_CASE("A law that cannot be read is refused with what is wrong and what is near", "[pmf][exact]") {
+TEST_CASE("A PMF that cannot be read is refused with what is wrong and what is near", "[pmf][exact]") {
   struct Wrong {
     const char* text;
     const char* message;
   };
   static constexpr Wrong wrong[] = {
-      {"", "no law is called ''"},
-      {":", "no law is called ''"},
+      {"", "no PMF is called ''"},
+      {":", "no PMF is called ''"},
       {"banana:r=1", "write one of geometric zeta poisson tabulated"},
       {"geometrc:r=0.5", "did you mean 'geometric'?"},
       {"Zeta:s=2", "did you mean 'zeta'?"},
@@ -96,7 +96,7 @@ TEST_CASE("A law that cannot be read is refused with what is wrong and what is n
       {"tabulated:;tail=0.4", "tabulated: mass 0 = '' (not a number)"},
       {"tabulated:0.5;tale=0.4", "'tale' (no such parameter); did you mean 'tail'?"},
       {"tabulated:0.5,0;tail=0.4", "Tabulated: mass 1 = 0 (must be positive"},
-      {"tabulated:0.5;tail=0", "Tabulated: tail = 0 (a law that ends"},
+      {"tabulated:0.5;tail=0", "Tabulated: tail = 0 (a PMF that ends"},
   };
   for (const auto& [text, message] : wrong) {
     CAPTURE(text);

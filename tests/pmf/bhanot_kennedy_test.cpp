@@ -13,7 +13,7 @@ using debias::BhanotKennedy;
 
 static_assert(debias::DescribedPmf<BhanotKennedy>);
 
-TEST_CASE("without an atom at zero the law of Bhanot and Kennedy keeps all laws of a law", "[pmf][law]") {
+TEST_CASE("without an atom at zero the PMF of Bhanot and Kennedy keeps all laws of a PMF", "[pmf][law]") {
   CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 2, 2)) == debias::laws::Failures{});
   CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 1, 0.3)) == debias::laws::Failures{});
   CHECK(debias::laws::pmf_laws(BhanotKennedy(0, 16, 16)) == debias::laws::Failures{});
@@ -21,35 +21,35 @@ TEST_CASE("without an atom at zero the law of Bhanot and Kennedy keeps all laws 
 
 TEST_CASE("its tails are (1 - zero) prod min(1, c / i), its masses their differences, its samples their inverse",
           "[pmf][exact]") {
-  const BhanotKennedy law(0.9, 2, 2);
-  CHECK(law.tail(0) == 1);
-  CHECK(law.tail(1) == Approx(0.1));
-  CHECK(law.tail(2) == Approx(0.1));
-  CHECK(law.tail(3) == Approx(0.1 * 2 / 3));
-  CHECK(law.tail(5) == Approx(0.1 * 2 / 3 * 2 / 4 * 2 / 5));
+  const BhanotKennedy pmf(0.9, 2, 2);
+  CHECK(pmf.tail(0) == 1);
+  CHECK(pmf.tail(1) == Approx(0.1));
+  CHECK(pmf.tail(2) == Approx(0.1));
+  CHECK(pmf.tail(3) == Approx(0.1 * 2 / 3));
+  CHECK(pmf.tail(5) == Approx(0.1 * 2 / 3 * 2 / 4 * 2 / 5));
   double sum = 0;
   for (std::int64_t j = 100; j >= 0; --j) {
-    CHECK(law.mass(j) == Approx(law.tail(j) - law.tail(j + 1)).margin(1e-17));
-    sum += law.mass(j);
+    CHECK(pmf.mass(j) == Approx(pmf.tail(j) - pmf.tail(j + 1)).margin(1e-17));
+    sum += pmf.mass(j);
   }
   CHECK(sum == Approx(1).epsilon(1e-15));
-  CHECK(law.mass(1) == 0);
-  CHECK(law.sample(0.5) == 0);
-  CHECK(law.sample(0.1 * (1 + 1e-12)) == 0);
-  CHECK(law.sample(0.1 * (1 - 1e-12)) == 2);
+  CHECK(pmf.mass(1) == 0);
+  CHECK(pmf.sample(0.5) == 0);
+  CHECK(pmf.sample(0.1 * (1 + 1e-12)) == 0);
+  CHECK(pmf.sample(0.1 * (1 - 1e-12)) == 2);
   for (std::int64_t j = 3; j < 100; ++j) {
-    CHECK(law.sample(law.tail(j) * (1 - 1e-12)) == j);
-    CHECK(law.sample(law.tail(j) * (1 + 1e-12)) == j - 1);
+    CHECK(pmf.sample(pmf.tail(j) * (1 - 1e-12)) == j);
+    CHECK(pmf.sample(pmf.tail(j) * (1 + 1e-12)) == j - 1);
   }
 }
 
 TEST_CASE("its mean is the published K + K! / c^K (e^c - sum_(k <= K) c^k / k!), times 1 - zero", "[pmf][exact]") {
   CHECK(BhanotKennedy(0.9, 2, 2).mean() == Approx(0.3194528).epsilon(1e-7));
   CHECK(BhanotKennedy(0, 2, 2).mean() == Approx(2 + 2.0 / 4 * (std::exp(2) - 5)).epsilon(1e-14));
-  const BhanotKennedy law(0.5, 3, 1.5);
+  const BhanotKennedy pmf(0.5, 3, 1.5);
   double mean = 0;
-  for (std::int64_t j = 1; j < 100; ++j) mean += static_cast<double>(j) * law.mass(j);
-  CHECK(law.mean() == Approx(mean).epsilon(1e-14));
+  for (std::int64_t j = 1; j < 100; ++j) mean += static_cast<double>(j) * pmf.mass(j);
+  CHECK(pmf.mean() == Approx(mean).epsilon(1e-14));
 }
 
 TEST_CASE("impossible parameters of Bhanot and Kennedy are refused", "[pmf][exact]") {

@@ -98,7 +98,7 @@ TermMoments square_of_mean(int levels) {
 
 }  // namespace
 
-TEST_CASE("the hull law is the best of all falling survival laws on 1000 random problems", "[pmf][fitted][exact]") {
+TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random problems", "[pmf][fitted][exact]") {
   Stream rng(20220811, 0);
   for (int i = 0; i < 1000; ++i) {
     const auto n = static_cast<std::size_t>(2 + i % 7);
@@ -205,7 +205,7 @@ TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base
   CHECK(plain[1] / plain[0] == Approx(std::sqrt(0.28125 / 1.5 / 2)).epsilon(1e-9));
 }
 
-TEST_CASE("A10 has its optimum at 24.97 and at 19.01 with strata and geometric laws have their known products",
+TEST_CASE("A10 has its optimum at 24.97 and at 19.01 with strata and geometric PMFs have their known products",
           "[pmf][fitted][exact]") {
   TermMoments m = square_of_mean(60);
   CHECK(predict(m, best_masses(m)).product() == Approx(24.9665).epsilon(1e-4));
@@ -221,7 +221,7 @@ TEST_CASE("A10 has its optimum at 24.97 and at 19.01 with strata and geometric l
   CHECK(predict(m, best_masses(m)).product() == Approx(19.0052).epsilon(1e-4));
 }
 
-TEST_CASE("laws from impossible moments are refused", "[pmf][fitted][exact]") {
+TEST_CASE("PMFs from impossible moments are refused", "[pmf][fitted][exact]") {
   TermMoments m = square_of_mean(3);
   m.variance[1] = m.mean_square[1] = 0;
   CHECK_THROWS_WITH(best_masses(m), Catch::Contains("level 1 = 0") && Catch::Contains("upper bound"));

@@ -54,13 +54,13 @@ TEST_CASE("Geometric masses and tails are within 1e-15 for r near 0, near 1 and 
   };
   for (const auto& [r, level, mass, tail] : references) {
     CAPTURE(r, level);
-    const Geometric law(r);
-    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
+    const Geometric pmf(r);
+    CHECK(debias::laws::relative_error(pmf.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(pmf.tail(level), tail) < 1e-15);
   }
 }
 
-TEST_CASE("Geometric is a law", "[pmf][law]") {
+TEST_CASE("Geometric is a PMF", "[pmf][law]") {
   for (const double r : {0x1p-40, 1e-6, 0.05, 0.3, 0.5, 0.65, 0.95, 0.999999, 1 - 0x1p-53}) {
     CAPTURE(r);
     CHECK(debias::laws::pmf_laws(Geometric(r)) == debias::laws::Failures{});
@@ -74,10 +74,10 @@ TEST_CASE("A geometric exponent theta gives r = 1 - 2^-theta and is found again 
   CHECK(debias::laws::relative_error(Geometric::with_exponent(1e-9).mass(0), 6.9314718031971884568e-10) < 1e-15);
   for (const double theta : {1e-9, 0.1, 1.0, 1.5, 2.0, 8.0}) {
     CAPTURE(theta);
-    const Geometric law = Geometric::with_exponent(theta);
-    CHECK(law.tail_exponent().decay == debias::Decay::geometric);
-    CHECK(law.tail_exponent().exponent == Approx(theta).epsilon(1e-13));
-    CHECK(std::log2(law.mass(100) / law.mass(101)) == Approx(theta).epsilon(1e-6));
+    const Geometric pmf = Geometric::with_exponent(theta);
+    CHECK(pmf.tail_exponent().decay == debias::Decay::geometric);
+    CHECK(pmf.tail_exponent().exponent == Approx(theta).epsilon(1e-13));
+    CHECK(std::log2(pmf.mass(100) / pmf.mass(101)) == Approx(theta).epsilon(1e-6));
   }
 }
 
@@ -86,7 +86,7 @@ TEST_CASE("Geometric knows that no level lies above 0", "[pmf][exact]") {
   CHECK(Geometric(0.6).tail(-1) == 1);
 }
 
-TEST_CASE("Geometric refuses an r that is no law or whose levels outgrow a double", "[pmf][exact]") {
+TEST_CASE("Geometric refuses an r that is no PMF or whose levels outgrow a double", "[pmf][exact]") {
   for (const double r : {0.0, -0.5, 1.0, 1.2, 0x1p-41, std::numeric_limits<double>::quiet_NaN()}) {
     CAPTURE(r);
     CHECK_THROWS_AS(Geometric(r), std::invalid_argument);

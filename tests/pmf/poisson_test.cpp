@@ -48,13 +48,13 @@ TEST_CASE("Poisson masses and tails are within 1e-15 from lambda = 1e-3 to 1e4, 
   };
   for (const auto& [lambda, level, mass, tail] : references) {
     CAPTURE(lambda, level);
-    const Poisson law(lambda);
-    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
+    const Poisson pmf(lambda);
+    CHECK(debias::laws::relative_error(pmf.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(pmf.tail(level), tail) < 1e-15);
   }
 }
 
-TEST_CASE("Poisson is a law", "[pmf][law]") {
+TEST_CASE("Poisson is a PMF", "[pmf][law]") {
   for (const double lambda : {1e-300, 1e-3, 0.5, 3.0, 40.0, 81.0, 100.0, 1000.0, 1e4, 1e6}) {
     CAPTURE(lambda);
     CHECK(debias::laws::pmf_laws(Poisson(lambda)) == debias::laws::Failures{});
@@ -67,12 +67,12 @@ TEST_CASE("Poisson masses fall faster than any rate", "[pmf][exact]") {
 }
 
 TEST_CASE("Poisson levels beyond underflow have no mass and are refused, not cut", "[pmf][exact]") {
-  const Poisson law(3);
-  CHECK(law.mass(1000) == 0);
-  CHECK(law.tail(1000) == 0);
-  CHECK_THROWS_AS(debias::inverse_weight(law.mass(1000), 1000), std::length_error);
-  CHECK_THROWS_AS(law.sample(1e-310), std::length_error);
-  CHECK(law.sample(1e-290) > 200);
+  const Poisson pmf(3);
+  CHECK(pmf.mass(1000) == 0);
+  CHECK(pmf.tail(1000) == 0);
+  CHECK_THROWS_AS(debias::inverse_weight(pmf.mass(1000), 1000), std::length_error);
+  CHECK_THROWS_AS(pmf.sample(1e-310), std::length_error);
+  CHECK(pmf.sample(1e-290) > 200);
 }
 
 TEST_CASE("Poisson refuses a lambda that is no mean level", "[pmf][exact]") {

@@ -31,15 +31,15 @@ TEST_CASE("Tabulated masses and tails are within 1e-15, in the table and beyond"
       {100, 1.7723581370503666309e-40, 2.9539302284172778274e-40},
       {500, 1.1818109638084157902e-199, 1.9696849396806930566e-199},
   };
-  const Tabulated law({0.5, 0.3, 0.2}, 0.4);
+  const Tabulated pmf({0.5, 0.3, 0.2}, 0.4);
   for (const auto& [level, mass, tail] : references) {
     CAPTURE(level);
-    CHECK(debias::laws::relative_error(law.mass(level), mass) < 1e-15);
-    CHECK(debias::laws::relative_error(law.tail(level), tail) < 1e-15);
+    CHECK(debias::laws::relative_error(pmf.mass(level), mass) < 1e-15);
+    CHECK(debias::laws::relative_error(pmf.tail(level), tail) < 1e-15);
   }
 }
 
-TEST_CASE("Tabulated is a law, also where its masses rise", "[pmf][law]") {
+TEST_CASE("Tabulated is a PMF, also where its masses rise", "[pmf][law]") {
   CHECK(debias::laws::pmf_laws(Tabulated({0.5, 0.3, 0.2}, 0.4)) == debias::laws::Failures{});
   CHECK(debias::laws::pmf_laws(Tabulated({1}, 0.5)) == debias::laws::Failures{});
   CHECK(debias::laws::pmf_laws(Tabulated({1, 1e-9, 1000, 3}, 0.01)) == debias::laws::Failures{});
@@ -52,14 +52,14 @@ TEST_CASE("Tabulated is a law, also where its masses rise", "[pmf][law]") {
 }
 
 TEST_CASE("Tabulated weights need no normalisation", "[pmf][exact]") {
-  const Tabulated law({4, 2}, 0.5);  // the geometric law with r = 1/2
-  for (std::int64_t j = 0; j < 60; ++j) CHECK(law.mass(j) == std::ldexp(1.0, -static_cast<int>(j) - 1));
-  CHECK(law.tail_exponent().exponent == 1);
-  CHECK(law.tail_exponent().decay == debias::Decay::geometric);
+  const Tabulated pmf({4, 2}, 0.5);  // the geometric PMF with r = 1/2
+  for (std::int64_t j = 0; j < 60; ++j) CHECK(pmf.mass(j) == std::ldexp(1.0, -static_cast<int>(j) - 1));
+  CHECK(pmf.tail_exponent().exponent == 1);
+  CHECK(pmf.tail_exponent().decay == debias::Decay::geometric);
 }
 
-TEST_CASE("Tabulated refuses a law that ends, and masses that are none", "[pmf][exact]") {
-  CHECK_THROWS_WITH(Tabulated({0.5, 0.5}, 0), Catch::Contains("Tabulated: tail = 0 (a law that ends"));
+TEST_CASE("Tabulated refuses a PMF that ends, and masses that are none", "[pmf][exact]") {
+  CHECK_THROWS_WITH(Tabulated({0.5, 0.5}, 0), Catch::Contains("Tabulated: tail = 0 (a PMF that ends"));
   constexpr double infinity = std::numeric_limits<double>::infinity();
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   for (const double tail : {-0.1, 1.0, 1.5, infinity, nan}) {

@@ -62,13 +62,13 @@ TEST_CASE("Zeta masses and tails are within 2e-15 for s near 1, large s and up t
   };
   for (const auto& [s, level, mass, tail] : references) {
     CAPTURE(s, level);
-    const Zeta law(s);
-    CHECK(debias::laws::relative_error(law.mass(level), mass) < 2e-15);
-    CHECK(debias::laws::relative_error(law.tail(level), tail) < 2e-15);
+    const Zeta pmf(s);
+    CHECK(debias::laws::relative_error(pmf.mass(level), mass) < 2e-15);
+    CHECK(debias::laws::relative_error(pmf.tail(level), tail) < 2e-15);
   }
 }
 
-TEST_CASE("Zeta is a law", "[pmf][law]") {
+TEST_CASE("Zeta is a PMF", "[pmf][law]") {
   for (const double s : {1.01, 1.1, 1.5, 2.0, 2.5, 4.0, 30.0, 150.0, 5000.0}) {
     CAPTURE(s);
     CHECK(debias::laws::pmf_laws(Zeta(s)) == debias::laws::Failures{});
@@ -76,23 +76,23 @@ TEST_CASE("Zeta is a law", "[pmf][law]") {
 }
 
 TEST_CASE("Zeta samples exactly at levels where neighbouring tails are one double", "[pmf][exact]") {
-  const Zeta law(1.5);
-  for (double u = law.tail(63); u > 1e-9; u *= 0.37) {
+  const Zeta pmf(1.5);
+  for (double u = pmf.tail(63); u > 1e-9; u *= 0.37) {
     CAPTURE(u);
-    const std::int64_t j = law.sample(u);
-    CHECK(law.tail(j) >= u);
-    CHECK(law.tail(j + 1) < u);
+    const std::int64_t j = pmf.sample(u);
+    CHECK(pmf.tail(j) >= u);
+    CHECK(pmf.tail(j + 1) < u);
   }
-  CHECK(law.sample(1e-9) > std::int64_t{1} << 58);
+  CHECK(pmf.sample(1e-9) > std::int64_t{1} << 58);
 }
 
 TEST_CASE("Zeta refuses to cut levels of 2^62 and more", "[pmf][exact]") {
-  const Zeta law(1.1);
-  const double beyond = law.tail(std::int64_t{1} << 62);
+  const Zeta pmf(1.1);
+  const double beyond = pmf.tail(std::int64_t{1} << 62);
   CHECK(beyond > 0.01);
-  CHECK_THROWS_AS(law.sample(beyond), std::length_error);
-  CHECK_THROWS_AS(law.sample(0x1p-53), std::length_error);
-  CHECK(law.sample(beyond * (1 + 1e-12)) < std::int64_t{1} << 62);
+  CHECK_THROWS_AS(pmf.sample(beyond), std::length_error);
+  CHECK_THROWS_AS(pmf.sample(0x1p-53), std::length_error);
+  CHECK(pmf.sample(beyond * (1 + 1e-12)) < std::int64_t{1} << 62);
 }
 
 TEST_CASE("Zeta tails fall like the exponent says", "[pmf][exact]") {

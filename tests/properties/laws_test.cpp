@@ -14,26 +14,26 @@
 using namespace debias;
 using namespace debias::properties;
 
-TEST_CASE("any law: masses and tails add up, samples invert the tail and follow the masses", "[property][law]") {
-  holds("the laws of a law", [] {
-    const AnyPmf law = any_law();
-    RC_TAG(law.spec().substr(0, 5));
-    const laws::Failures failures = laws::pmf_laws(law);
-    if (!failures.empty()) RC_FAIL(law.spec() + ": " + failures.front());
+TEST_CASE("any PMF: masses and tails add up, samples invert the tail and follow the masses", "[property][law]") {
+  holds("the laws of a PMF", [] {
+    const AnyPmf pmf = any_pmf();
+    RC_TAG(pmf.spec().substr(0, 5));
+    const laws::Failures failures = laws::pmf_laws(pmf);
+    if (!failures.empty()) RC_FAIL(pmf.spec() + ": " + failures.front());
   });
 }
 
-TEST_CASE("any law is the law that its spec is parsed to, bit for bit", "[property][exact]") {
-  holds("parse(spec) is the law", [] {
-    const AnyPmf law = any_law();
-    const AnyPmf again = AnyPmf::parse(law.spec());
-    RC_ASSERT(again.spec() == law.spec());
+TEST_CASE("any PMF is the PMF that its spec is parsed to, bit for bit", "[property][exact]") {
+  holds("parse(spec) is the PMF", [] {
+    const AnyPmf pmf = any_pmf();
+    const AnyPmf again = AnyPmf::parse(pmf.spec());
+    RC_ASSERT(again.spec() == pmf.spec());
     for (int i = 0; i < 50; ++i) {
       const std::int64_t j = *rc::gen::inRange<std::int64_t>(0, 5000);
-      RC_ASSERT(again.mass(j) == law.mass(j));
-      RC_ASSERT(again.tail(j) == law.tail(j));
+      RC_ASSERT(again.mass(j) == pmf.mass(j));
+      RC_ASSERT(again.tail(j) == pmf.tail(j));
       const double u = any_number(1e-9, 1);
-      RC_ASSERT(laws::sampled_level(again, u) == laws::sampled_level(law, u));
+      RC_ASSERT(laws::sampled_level(again, u) == laws::sampled_level(pmf, u));
     }
   });
 }

@@ -34,8 +34,8 @@ inline double any_number(double low, double high) {
   return low * std::pow(high / low, share);
 }
 
-/// Any law of the command line.
-inline AnyPmf any_law() {
+/// Any PMF of the command line.
+inline AnyPmf any_pmf() {
   switch (*rc::gen::inRange(0, 4)) {
     case 0:
       return AnyPmf(Geometric(any_number(0.01, 0.99)));

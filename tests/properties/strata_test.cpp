@@ -19,17 +19,17 @@ Draw<double> halves(std::int64_t level, Stream&) {
   return {2 - d, d};
 }
 
-/// Its levels fit 64 bits: a law that is too slow for that refuses its deepest ones.
-bool fits(const AnyPmf& law) { return law.tail(std::int64_t{1} << 60) < 1e-12; }
+/// Its levels fit 64 bits: a PMF that is too slow for that refuses its deepest ones.
+bool fits(const AnyPmf& pmf) { return pmf.tail(std::int64_t{1} << 60) < 1e-12; }
 
 }  // namespace
 
 TEST_CASE("in systematic blocks a level comes up within one of n p_k times, and is divided by p_k", "[property][law]") {
   holds("counts of a block", [] {
-    const AnyPmf law = any_law();
-    RC_PRE(fits(law));
+    const AnyPmf pmf = any_pmf();
+    RC_PRE(fits(pmf));
     const std::int64_t n = *rc::gen::inRange<std::int64_t>(1, 200);
-    const auto e = stratified(single_term(halves, law, {.base = Base::drawn}), n);
+    const auto e = stratified(single_term(halves, pmf, {.base = Base::drawn}), n);
     const auto block = trace(e, *rc::gen::arbitrary<std::uint64_t>(), *rc::gen::inRange(0, 1000));
     std::map<std::int64_t, double> counts;
     for (const TracedLevel& l : block.levels) ++counts[l.level];
@@ -37,15 +37,15 @@ TEST_CASE("in systematic blocks a level comes up within one of n p_k times, and 
     double value = 0;
     for (const auto& [level, count] : counts) {
       members += count;
-      value += count * std::exp2(-static_cast<double>(level)) / law.mass(level) / static_cast<double>(n);
+      value += count * std::exp2(-static_cast<double>(level)) / pmf.mass(level) / static_cast<double>(n);
     }
     RC_ASSERT(members == static_cast<double>(n));
     for (std::int64_t level = 0; level < 400; ++level) {
-      const double expected = static_cast<double>(n) * law.mass(level);
+      const double expected = static_cast<double>(n) * pmf.mass(level);
       const auto found = counts.find(level);
       const double count = found == counts.end() ? 0 : found->second;
       if (std::abs(count - expected) >= 1 + 1e-9) {
-        RC_FAIL(law.spec() + ": level " + std::to_string(level) + " came up " + std::to_string(count) + " times, not " +
+        RC_FAIL(pmf.spec() + ": level " + std::to_string(level) + " came up " + std::to_string(count) + " times, not " +
                 std::to_string(expected));
       }
     }
@@ -55,21 +55,21 @@ TEST_CASE("in systematic blocks a level comes up within one of n p_k times, and 
 
 TEST_CASE("blocks of any kind draw level k n p_k times on average", "[property][law]") {
   holds("E counts", [] {
-    const AnyPmf law = any_law();
+    const AnyPmf pmf = any_pmf();
     const Strata strata = *rc::gen::element(Strata::systematic, Strata::uniform, Strata::residual);
     const std::int64_t n = *rc::gen::inRange<std::int64_t>(1, 40);
-    RC_PRE(fits(law));
-    RC_PRE(strata != Strata::residual || law.tail(1 << 15) < 1e-3);
+    RC_PRE(fits(pmf));
+    RC_PRE(strata != Strata::residual || pmf.tail(1 << 15) < 1e-3);
     constexpr std::int64_t blocks = 300;
-    const auto r = estimate(stratified(single_term(halves, law, {.base = Base::drawn}), n, strata),
+    const auto r = estimate(stratified(single_term(halves, pmf, {.base = Base::drawn}), n, strata),
                             {.samples = blocks, .seed = *rc::gen::arbitrary<std::uint64_t>(), .threads = 1});
     for (const LevelRow& row : r.levels) {
       if (row.level != row.last_level) continue;
-      const double expected = static_cast<double>(blocks * n) * law.mass(row.level);
+      const double expected = static_cast<double>(blocks * n) * pmf.mass(row.level);
       if (expected < 25) continue;
       // no kind of strata varies more than independent draws do
       if (std::abs(static_cast<double>(row.count) - expected) > 6.5 * std::sqrt(expected) + 1) {
-        RC_FAIL(law.spec() + ", " + name_of(strata) + ", n = " + std::to_string(n) + ": level " +
+        RC_FAIL(pmf.spec() + ", " + name_of(strata) + ", n = " + std::to_string(n) + ": level " +
                 std::to_string(row.level) + " came up " + std::to_string(row.count) + " times, not " +
                 std::to_string(expected));
       }

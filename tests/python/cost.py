@@ -42,10 +42,10 @@ pairs = (("reciprocal of an integral", debias.function_of_integral(integrand, "r
          ("stock, a product over steps", milstein(product), "mean-of-gbm", "geometric:r=0.6"),
          ("stock, a loop over steps", milstein(loop), "mean-of-gbm", "geometric:r=0.6"))
 for samples in (1 << 12, 1 << 16, 1 << 18):
-    for name, own, catalogue, law in pairs:
+    for name, own, catalogue, pmf in pairs:
         seconds = [[], []]
         for seed in range(9):
             for side, problem in enumerate((own, catalogue)):
-                seconds[side].append(debias.estimate(problem, samples=samples, law=law, threads=1, seed=seed).seconds)
+                seconds[side].append(debias.estimate(problem, samples=samples, pmf=pmf, threads=1, seed=seed).seconds)
         mine, cpp = (1e6 * min(s) / samples for s in seconds)
         print(f"{samples:7} samples, {name:28} {mine:6.3f} us a sample, C++ {cpp:6.3f} us: {mine / cpp:5.2f} times")

@@ -29,7 +29,7 @@ import debias
 
 PROGRAM = os.environ["DEBIAS_PROGRAM"]
 SAME_BITS = os.environ["DEBIAS_SAME_BITS"]
-LAW = "geometric:r=0.6"
+PMF = "geometric:r=0.6"
 
 
 def program(*arguments):
@@ -92,8 +92,8 @@ class SameBits(unittest.TestCase):
         self.assertEqual(a, b)
 
     def test_program(self):
-        for name, options in (("A10", {}), ("european-call", {"law": "geometric:r=0.7", "threads": 3}),
-                              ("A10", {"law": "auto", "seed": 5}), ("furnace", {"estimator": "roulette"}),
+        for name, options in (("A10", {}), ("european-call", {"pmf": "geometric:r=0.7", "threads": 3}),
+                              ("A10", {"pmf": "auto", "seed": 5}), ("furnace", {"estimator": "roulette"}),
                               ("B14", {"estimator": "reciprocal_trials"}), ("A01", {"error": 0.01, "base_level": 1})):
             if "error" not in options:
                 options["samples"] = 20000
@@ -118,7 +118,7 @@ class SameBits(unittest.TestCase):
                          program("replay", "A10", "--seed", "3", "--sample", "77").rstrip("\n"))
         self.same_json(debias.estimate("A10", estimator="multilevel", error=0.01).to_dict(),
                        json.loads(program("run", "A10", "--estimator", "multilevel", "--error", "0.01", "--json")))
-        values = debias.samples("furnace", 20000, estimator="roulette", law="geometric:r=0.5")
+        values = debias.samples("furnace", 20000, estimator="roulette", pmf="geometric:r=0.5")
         out = subprocess.run([PROGRAM, "diagnose", "-", "--format", "f64", "--json"], input=values.tobytes(),
                              capture_output=True).stdout
         self.same_json(debias.diagnose(values).to_dict(), json.loads(out))
@@ -133,15 +133,15 @@ class SameBits(unittest.TestCase):
         comb = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "log")
         jittered = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "power:1.5", points="jittered")
         blocks = {**plan, "samples": 30000 // 8 * 8}
-        runs = {"scalar": (SCALAR, {**plan, "law": LAW}),
-                "drawn": (SCALAR, {**plan, "law": LAW, "estimator": "single_term_drawn", "base_level": 1}),
-                "sum": (SCALAR, {**plan, "law": LAW, "estimator": "independent_sum"}),
-                "block": (SCALAR, {**plan, "law": LAW, "block": 8}),
-                "vector": (VECTOR, {**plan, "law": LAW}),
-                "mean": (mean, {**plan, "law": LAW}),
-                "comb": (comb, {**plan, "law": "geometric:r=0.8"}),
-                "jittered": (jittered, {**plan, "law": "geometric:r=0.8"}),
-                "recipe": (SCALAR, {**plan, "law": "auto"})}
+        runs = {"scalar": (SCALAR, {**plan, "pmf": PMF}),
+                "drawn": (SCALAR, {**plan, "pmf": PMF, "estimator": "single_term_drawn", "base_level": 1}),
+                "sum": (SCALAR, {**plan, "pmf": PMF, "estimator": "independent_sum"}),
+                "block": (SCALAR, {**plan, "pmf": PMF, "block": 8}),
+                "vector": (VECTOR, {**plan, "pmf": PMF}),
+                "mean": (mean, {**plan, "pmf": PMF}),
+                "comb": (comb, {**plan, "pmf": "geometric:r=0.8"}),
+                "jittered": (jittered, {**plan, "pmf": "geometric:r=0.8"}),
+                "recipe": (SCALAR, {**plan, "pmf": "auto"})}
         self.assertEqual(set(runs) | {"sample"}, set(expected))
         for name, (problem, options) in runs.items():
             with self.subTest(name), warnings.catch_warnings():
@@ -149,17 +149,17 @@ class SameBits(unittest.TestCase):
                 r = debias.estimate(problem, **options)
                 got = [x for pair in zip(np.atleast_1d(r.mean), np.atleast_1d(r.standard_error)) for x in pair]
                 self.assertEqual(got + [r.work], expected[name])
-        self.assertEqual(debias.replay(SCALAR, 12345, seed=11, law=LAW)["value"], expected["sample"][0])
+        self.assertEqual(debias.replay(SCALAR, 12345, seed=11, pmf=PMF)["value"], expected["sample"][0])
 
     def test_samples_are_those_of_the_run(self):
         for problem in ("A10", SCALAR, VECTOR):
-            values = debias.samples(problem, 5000, seed=4, law=LAW)
-            result = debias.estimate(problem, samples=5000, seed=4, law=LAW)
+            values = debias.samples(problem, 5000, seed=4, pmf=PMF)
+            result = debias.estimate(problem, samples=5000, seed=4, pmf=PMF)
             np.testing.assert_allclose(values.mean(axis=0), result.mean, rtol=1e-12)
-            part = debias.samples(problem, 10, seed=4, first=4990, law=LAW)
+            part = debias.samples(problem, 10, seed=4, first=4990, pmf=PMF)
             np.testing.assert_array_equal(values[-10:], part)
-        replayed = debias.replay("A10", int(result.largest["index"][0]), seed=4, law=LAW)["value"]
-        self.assertEqual(debias.samples("A10", 1, seed=4, first=int(result.largest["index"][0]), law=LAW)[0], replayed)
+        replayed = debias.replay("A10", int(result.largest["index"][0]), seed=4, pmf=PMF)["value"]
+        self.assertEqual(debias.samples("A10", 1, seed=4, first=int(result.largest["index"][0]), pmf=PMF)[0], replayed)
 
     def test_readme(self):
         readme = (Path(__file__).parents[2] / "README.md").read_text()
@@ -187,18 +187,18 @@ class Results(unittest.TestCase):
         self.assertIsInstance(r.levels["probability"][-1], float)
 
     def test_vector(self):
-        r = debias.estimate(VECTOR, samples=20000, law=LAW)
+        r = debias.estimate(VECTOR, samples=20000, pmf=PMF)
         self.assertEqual(r.mean.shape, (2,))
         self.assertTrue((abs(r.mean - [1 / 4, 1 / 8]) < 4.5 * r.standard_error).all())
         self.assertTrue((r.confidence_interval.low < r.confidence_interval.high).all())
 
     def test_warnings(self):
         with self.assertWarns(debias.InfiniteVarianceWarning):
-            debias.estimate("furnace", estimator="roulette", law="geometric:r=0.5", samples=1e5)
+            debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
         with warnings.catch_warnings():
             warnings.simplefilter("error", debias.DebiasWarning)
             with self.assertRaises(debias.InfiniteVarianceWarning):
-                debias.estimate("furnace", estimator="roulette", law="geometric:r=0.5", samples=1e5)
+                debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
             debias.estimate("A10", samples=1e5)
 
     def test_diagnose_takes_any_array(self):
@@ -302,9 +302,9 @@ class Results(unittest.TestCase):
                   lambda **seed: debias.tradeoff("A10", points=2, samples=500, **seed),
                   lambda **seed: debias.recipe("A10", **seed),
                   lambda **seed: debias.estimate("A10", estimator="multilevel", error=0.1, **seed),
-                  lambda **seed: debias.estimate(SCALAR, samples=500, law="auto", **seed),
+                  lambda **seed: debias.estimate(SCALAR, samples=500, pmf="auto", **seed),
                   lambda **seed: debias.samples("A10", 100, **seed),
-                  lambda **seed: debias.samples(VECTOR, 100, law=LAW, **seed)):
+                  lambda **seed: debias.samples(VECTOR, 100, pmf=PMF, **seed)):
             fresh, other, again = f(seed=None), f(seed=None), f()
             self.assertEqual(len({fresh.seed, other.seed, 1}), 3)
             self.assertEqual(again.seed, 1)
@@ -352,7 +352,7 @@ class OwnProblems(unittest.TestCase):
         own = debias.function_of_integral(lambda x: 4 * (1 + np.sin(2 * np.pi * x[:, 0])), "reciprocal", lowest_base=1)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", debias.DebiasWarning)
-            r = debias.estimate(own, samples=1 << 16, law="geometric:r=0.8")
+            r = debias.estimate(own, samples=1 << 16, pmf="geometric:r=0.8")
         self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error + 1e-12)
 
     def test_sde(self):
@@ -373,7 +373,7 @@ class OwnProblems(unittest.TestCase):
         c = debias.estimate("mean-of-gbm", samples=1 << 16)
         self.assertLess(abs(r.mean - c["truth"]), 4.5 * r.standard_error)
         self.assertAlmostEqual(r.mean, c.mean, delta=1e-10)  # the same draws, in other operations
-        self.assertEqual(debias.survey(own, levels=4, samples=2000)["law_exists"], "yes")
+        self.assertEqual(debias.survey(own, levels=4, samples=2000)["pmf_exists"], "yes")
 
     def test_block_by_block(self):
         calls = []
@@ -383,11 +383,11 @@ class OwnProblems(unittest.TestCase):
             return powers(square)(level, u)
 
         own = debias.levels(differences, dimension=lambda k: 2**k, rates=(2, 1))
-        debias.estimate(own, samples=1 << 15, law=LAW)
+        debias.estimate(own, samples=1 << 15, pmf=PMF)
         self.assertLessEqual(len(calls), 20)  # one block
         self.assertEqual(sum(n for level, n in calls if level > 0), 1 << 15)
 
-    def test_recipe_and_law(self):
+    def test_recipe_and_pmf(self):
         without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
         r = debias.estimate(without_rates, samples=1 << 16)
         self.assertIsNotNone(r["recipe"])
@@ -398,11 +398,11 @@ class OwnProblems(unittest.TestCase):
         self.assertEqual(debias.estimate(SCALAR, samples=1000).pilot_work, 0)
         self.assertGreater(debias.estimate(SCALAR, estimator="multilevel", error=0.1).pilot_work, 0)
         self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error)
-        self.assertEqual(debias.recipe(without_rates)["law_exists"], "yes")
+        self.assertEqual(debias.recipe(without_rates)["pmf_exists"], "yes")
         alone = debias.levels(lambda k, u: powers(square)(k, u) if k == 0 else
                               np.subtract(*powers(square)(k, u)), dimension=lambda k: 2**k, rates=(2, 1))
-        self.assertEqual(debias.estimate(alone, samples=10000, law=LAW).mean,
-                         debias.estimate(SCALAR, samples=10000, law=LAW).mean)
+        self.assertEqual(debias.estimate(alone, samples=10000, pmf=PMF).mean,
+                         debias.estimate(SCALAR, samples=10000, pmf=PMF).mean)
         with self.assertRaisesRegex(ValueError, r"return \(fine, coarse\)"):
             debias.survey(alone)
 
@@ -462,9 +462,9 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "error", e, "A10", error=float("nan"))
         self.raises(ValueError, "^error, relative_error, time: more than one", e, "A10", error=1, time=1)
         self.raises(ValueError, "seed", e, "A10", seed=-3)
-        self.raises(ValueError, "law.*did you mean", e, "A10", law="geometrc:r=0.5")
+        self.raises(ValueError, "PMF.*did you mean", e, "A10", pmf="geometrc:r=0.5")
         self.raises(ValueError, "base_level", e, "A10", base_level="x")
-        self.raises(ValueError, "no law|law", e, "gbm-by-euler", law="auto")
+        self.raises(ValueError, "no PMF|PMF", e, "gbm-by-euler", pmf="auto")
         self.raises(TypeError, "progress", e, "A10", progress=3)
         self.raises(ValueError, "n = 0", debias.samples, "A10", 0)
         self.raises(TypeError, "n: float", debias.samples, "A10", 10.0)
@@ -495,7 +495,7 @@ class BadInput(unittest.TestCase):
             return np.ma.array(values, mask=np.arange(values.size).reshape(values.shape) == 3)
 
         def run(f, **options):
-            debias.estimate(debias.levels(f, **{"dimension": 1, "rates": (2, 1), **options}), samples=5000, law=LAW)
+            debias.estimate(debias.levels(f, **{"dimension": 1, "rates": (2, 1), **options}), samples=5000, pmf=PMF)
 
         sentence = "returned 1 masked or missing values.*would be a bias"
         self.raises(ValueError, "differences: " + sentence, run, lambda k, u: masked(u[:, 0]))
@@ -525,13 +525,13 @@ class BadInput(unittest.TestCase):
 
         def values(f):
             own = debias.levels(lambda k, u: f(u) if k == 0 else (f(u), f(u)), dimension=1, rates=(2, 1))
-            return debias.samples(own, 100, law=LAW)
+            return debias.samples(own, 100, pmf=PMF)
 
         np.testing.assert_array_equal(values(frozen), values(lambda u: u[:, 0]))
 
     def test_own_problems(self):
         def run(f, **options):
-            debias.estimate(debias.levels(f, **{"dimension": 1, "rates": (2, 1), **options}), samples=5000, law=LAW)
+            debias.estimate(debias.levels(f, **{"dimension": 1, "rates": (2, 1), **options}), samples=5000, pmf=PMF)
 
         def mean(f, g="log", **options):
             debias.estimate(debias.function_of_mean(f, g, **options), samples=5000)
@@ -560,8 +560,8 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "points", debias.function_of_integral, square, "log", points="combs")
         self.raises(TypeError, "interval: 3", debias.function_of_integral, square, "log", interval=3)
         unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
-        self.raises(ValueError, "law: none", debias.samples, unrated, 10)
-        self.raises(ValueError, "law: none", debias.estimate, unrated, estimator="independent_sum")
+        self.raises(ValueError, "pmf: none", debias.samples, unrated, 10)
+        self.raises(ValueError, "pmf: none", debias.estimate, unrated, estimator="independent_sum")
         multilevel = debias.estimate(SCALAR, estimator="multilevel", error=0.1)
         self.raises(AttributeError, "multilevel", lambda: multilevel.largest)
         self.raises(ValueError, "does not apply", debias.estimate, SCALAR, estimator="roulette")
@@ -589,7 +589,7 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "level beyond 26", debias.estimate, debias.function_of_mean(square, "log"),
                     base_level=8, samples=1_000_000)
         self.assertEqual(calls, [])
-        self.assertLess(abs(debias.estimate(own(), base_level=4, samples=2000, law="geometric:theta=1.5").mean - 0.25),
+        self.assertLess(abs(debias.estimate(own(), base_level=4, samples=2000, pmf="geometric:theta=1.5").mean - 0.25),
                         0.05)
 
     def test_exceptions_are_the_users_own_and_nothing_leaks(self):
@@ -609,7 +609,7 @@ class BadInput(unittest.TestCase):
 
             problem = debias.levels(differences, dimension=1, rates=(2, 1))
             try:
-                debias.estimate(problem, samples=5000, law=LAW)
+                debias.estimate(problem, samples=5000, pmf=PMF)
             except Own as e:
                 self.assertIs(e.args[0], marker)
                 if sys.version_info >= (3, 11):
@@ -620,7 +620,7 @@ class BadInput(unittest.TestCase):
         gone = once()
         gc.collect()
         self.assertIsNone(gone())
-        self.assertEqual(debias.estimate(SCALAR, samples=1000, law=LAW).samples, 1000)  # and the next run works
+        self.assertEqual(debias.estimate(SCALAR, samples=1000, pmf=PMF).samples, 1000)  # and the next run works
 
     def test_a_problem_runs_once_at_a_time(self):
         own = []
@@ -640,7 +640,7 @@ class BadInput(unittest.TestCase):
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", debias.DebiasWarning)
-            debias.estimate(debias.levels(differences, dimension=1, rates=(2, 1)), samples=100, law=LAW)
+            debias.estimate(debias.levels(differences, dimension=1, rates=(2, 1)), samples=100, pmf=PMF)
 
 
 class Locales(unittest.TestCase):
@@ -661,8 +661,8 @@ if len(sys.argv) > 1:
     assert locale.localeconv()["decimal_point"] == ","
 warnings.simplefilter("ignore", debias.DebiasWarning)
 mean = debias.function_of_mean(lambda x: 1 + x[:, 0], "power:1.5", rates=(2, 1), truth=1.8)
-says = [debias.estimate("A10", samples=12345), debias.estimate("A01", samples=5000, law="geometric:r=0.55"),
-        debias.estimate(mean, samples=5000, law="auto"), debias.estimate("A10", error=0.05, confidence=0.9),
+says = [debias.estimate("A10", samples=12345), debias.estimate("A01", samples=5000, pmf="geometric:r=0.55"),
+        debias.estimate(mean, samples=5000, pmf="auto"), debias.estimate("A10", error=0.05, confidence=0.9),
         debias.estimate("A10", estimator="multilevel", error=0.05),
         debias.tradeoff("A10", points=3, samples=2000), debias.survey("A10", levels=4, samples=2000),
         debias.recipe("A10"), debias.replay("A10", 7, seed=3), debias.diagnose(np.arange(1, 2000) ** 0.5)]
@@ -670,14 +670,14 @@ for report in says:  # without what a clock says
     print(re.sub(r'"(seconds|pilot_seconds|efficiency)": .*', "", report.to_json()))
     if "points" not in report.to_dict() and "kurtosis" not in str(report.to_dict().get("levels")):
         print(re.sub(r"(?m)^(seconds|efficiency) .*$", "", str(report)))
-for call in (lambda: debias.estimate("A10", law="geometric:r=1.5"), lambda: debias.estimate("A10", error=-0.5),
-             lambda: debias.samples("A10", 3, law="zeta:s=0.5"), lambda: debias.estimate("gbm-by-euler", law="auto"),
+for call in (lambda: debias.estimate("A10", pmf="geometric:r=1.5"), lambda: debias.estimate("A10", error=-0.5),
+             lambda: debias.samples("A10", 3, pmf="zeta:s=0.5"), lambda: debias.estimate("gbm-by-euler", pmf="auto"),
              lambda: debias.estimate("A10", confidence=1.5)):
     try:
         call()
     except ValueError as e:
         print(e)
-print(debias.samples("A10", 5, law="geometric:r=0.55"), debias.problems(), debias.laws())
+print(debias.samples("A10", 5, pmf="geometric:r=0.55"), debias.problems(), debias.laws())
 """
             environment = {**os.environ, "LOCPATH": folder}
 
@@ -711,7 +711,7 @@ class Interrupts(unittest.TestCase):
         for name, f in {"catalogue": lambda: debias.estimate("E05", samples=1e9),
                         "samples": lambda: debias.samples("E05", 10**7),
                         "survey": lambda: debias.survey("E05", levels=8, samples=1e8),
-                        "own": lambda: debias.estimate(slow, samples=1e9, law="geometric:theta=1.9")}.items():
+                        "own": lambda: debias.estimate(slow, samples=1e9, pmf="geometric:theta=1.9")}.items():
             with self.subTest(name):
                 self.assertLess(self.seconds_to_interrupt(f), 0.5)
 

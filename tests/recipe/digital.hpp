@@ -2,7 +2,7 @@
 
 // A digital option on geometric Brownian motion by Milstein's scheme in 2^k steps: 100 at T = 1 where S_T > 100.
 //   S0 = 100, r = 0.05, sigma = 0.2; discounted. The coarse path takes two increments as one.
-// As it is, beta = gamma = 1: no law. Smoothed by the conditional expectation over the last step, beta = 3/2, but most
+// As it is, beta = gamma = 1: no PMF. Smoothed by the conditional expectation over the last step, beta = 3/2, but most
 // paths end far from the strike, where differences are next to nothing: a small pilot sees hardly anything else.
 // Source: Giles, MCQMC 2006 (2008). Work counts the steps of both paths.
 

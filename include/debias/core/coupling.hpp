@@ -9,7 +9,7 @@
 //   Notation: C_k = I_k - D_k, m = the lowest level with values, s = standard error of the gap (its means are of
 //   different draws), g = the most that one draw, seen or not yet, moves a mean, in units of s.
 // Assumes levels whose draws come with their values. Heavy tails make g large, and the alarm late: the bracket is what a
-// rare event of Poisson's law needs, the worst there is among those that a mean of n draws can see; where g > 1 there is no
+// rare event of Poisson's PMF needs, the worst there is among those that a mean of n draws can see; where g > 1 there is no
 // comparison. Of a value with several components three fixed linear functionals are compared.
 // Sources: Giles, Acta Numerica 24 (2015), section 3 (the identity); compare Maurer & Pontil, COLT 2009 (bounds by the
 // variance and the range that were seen); the bracket is derived here.

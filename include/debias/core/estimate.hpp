@@ -178,7 +178,7 @@ Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_val
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
 /// the bits of a single run where the ranges meet at a multiple of the chunk.
-/// Throws std::invalid_argument for another estimator (another type, description or name), law or seed, an overlap, a gap, or
+/// Throws std::invalid_argument for another estimator (another type, description or name), PMF or seed, an overlap, a gap, or
 /// a cut chunk. Estimators of one type over different data look the same: `named` tells them apart.
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {

@@ -108,7 +108,7 @@ concept HasName = requires(const E& e) {
   { e.name() } -> std::convertible_to<std::string>;
 };
 
-/// What an estimator calls itself, law and base level included; results of different ones do not merge.
+/// What an estimator calls itself, PMF and base level included; results of different ones do not merge.
 template <Estimator E>
 std::string description(const E& e) {
   if constexpr (requires {
@@ -140,7 +140,7 @@ class Named : public E {
   std::string name_;
 };
 
-/// The estimator under a name: `named("gas, mu = 3", single_term(s, law))`. Results print it, files keep it, and results of
+/// The estimator under a name: `named("gas, mu = 3", single_term(s, pmf))`. Results print it, files keep it, and results of
 /// another name refuse to merge. Take one where equal types stand for different data, which nothing else tells apart: one
 /// lambda that captured a 3 and then a 4, two functions of one signature, the contents of a std::function.
 /// Throws std::invalid_argument for an empty name.

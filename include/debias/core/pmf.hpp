@@ -1,13 +1,13 @@
 #pragma once
 
-// A law of the random level: a probability mass function on j = 0, 1, 2, ...
+// A PMF of the random level: a probability mass function on j = 0, 1, 2, ...
 //
 //   mass(j) = P(J = j),  tail(j) = P(J >= j) (tail(0) = 1, computed on its own, never as 1 - cdf),
 //   sample(u) = the largest j with u <= tail(j), so that P(sample(U) >= j) = tail(j) for a uniform U.
 //
 // Single-term estimators weight by 1 / mass, sums by 1 / tail. Deep levels sit at small u, where a tail keeps
 // its relative accuracy. `sample` takes a number, not a stream: it can be tested as an inverse, stratified and
-// replayed. Every law must be positive wherever a difference is not zero; a law that ends is a truncation.
+// replayed. Every PMF must be positive wherever a difference is not zero; a PMF that ends is a truncation.
 // Source: Rhee & Glynn, Oper. Res. 63 (2015), sections 2 and 3.
 
 #include <cmath>
@@ -27,7 +27,7 @@ concept Pmf = requires(const P& p, std::int64_t j, double u) {
   { p.sample(u) } -> std::same_as<std::int64_t>;
 };
 
-/// A law that says how its tail falls and what it is called, `geometric:r=0.6`.
+/// A PMF that says how its tail falls and what it is called, `geometric:r=0.6`.
 template <class P>
 concept DescribedPmf = Pmf<P> && requires(const P& p) {
   { p.tail_exponent() } -> std::same_as<TailExponent>;
@@ -37,7 +37,7 @@ concept DescribedPmf = Pmf<P> && requires(const P& p) {
 /// A number that stands for no level.
 [[noreturn]] void refuse_uniform(double u);
 
-/// The largest j >= 0 with u <= tail(j), from a guess that is close: sampling a law is inverting its tail.
+/// The largest j >= 0 with u <= tail(j), from a guess that is close: sampling a PMF is inverting its tail.
 /// Throws std::invalid_argument unless u > 0.
 template <class Tail>
 requires std::invocable<const Tail&, std::int64_t> std::int64_t invert_tail(const Tail& tail, double u,

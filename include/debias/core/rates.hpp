@@ -1,6 +1,6 @@
 #pragma once
 
-// Rates: how the differences of a sequence decay and how its work grows, and what that asks of a law.
+// Rates: how the differences of a sequence decay and how its work grows, and what that asks of a PMF.
 //
 //   geometric:   E D_k^2 ~ 2^(-beta k),  work_k ~ 2^(gamma k),  p_k ~ 2^(-rho k)
 //                variance finite iff rho < beta, work finite iff rho > gamma, best rho = (beta + gamma) / 2
@@ -55,26 +55,26 @@ inline Rates rates_of(const MeasuredRates& m) {
   return {m.variance.value, m.work.value, m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
 }
 
-/// rho of a law: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.
+/// rho of a PMF: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.
 struct TailExponent {
   double exponent;
   Decay decay = Decay::geometric;
 };
 
-/// The open interval of rho with finite variance and finite work; empty (low >= high) when no law has both.
+/// The open interval of rho with finite variance and finite work; empty (low >= high) when no PMF has both.
 struct ExponentRange {
   double low;
   double high;
 };
 ExponentRange finite_exponents(const Rates& rates);
 
-/// True when some law has finite variance and finite work.
-bool law_exists(const Rates& rates);
+/// True when some PMF has finite variance and finite work.
+bool pmf_exists(const Rates& rates);
 
 /// The rho to take when nothing but the rates is known: the best one for variance x work, but a tail index of 1/7 is
 /// enough (1/4 has an infinite fourth moment), or whatever half-way from the bound of the work to that of the fourth
 /// moment gives, if these lie 0.2 apart. So the standard error can be trusted, and a long run can tell.
-/// Throws std::invalid_argument when no law has finite variance and finite work.
+/// Throws std::invalid_argument when no PMF has finite variance and finite work.
 double default_exponent(const Rates& rates);
 
 /// The same from measured rates, with the measured decay of the fourth moment, E D_k^4 ~ 2^(-beta4 k): its bound is

@@ -131,14 +131,14 @@ std::optional<Rates> declared_rates(const S& sequence) {
 
 /// Of an estimator that draws level first_level + J, J from the PMF, and nothing below base_level.
 template <class S, Pmf P>
-Reach reach_of(const S& sequence, const P& law, std::int64_t base_level, std::int64_t first_level) {
+Reach reach_of(const S& sequence, const P& pmf, std::int64_t base_level, std::int64_t first_level) {
   Reach reach;
   reach.deepest = deepest_level_of(sequence);
   reach.first_level = first_level;
   reach.rates = declared_rates(sequence);
   if constexpr (DescribedPmf<P>) {
-    reach.pmf = law.spec();
-    reach.decay = law.tail_exponent().decay;
+    reach.pmf = pmf.spec();
+    reach.decay = pmf.tail_exponent().decay;
   }
   // A PMF of a user's own that names no tail may draw any int64, and its `tail` may be what a sum divides by and no more:
   // it is judged only where the sequence itself ends.
@@ -146,8 +146,8 @@ Reach reach_of(const S& sequence, const P& law, std::int64_t base_level, std::in
   // Levels count from the base on; a PMF has no more than 2^62 outcomes itself.
   const bool some = base_level <= reach.deepest && first_level <= reach.deepest;
   const std::int64_t outcome = std::min(reach.deepest - first_level, deepest_of_all - 1) + 1;  // the first too deep
-  reach.beyond = some ? law.tail(outcome) : 1;
-  if (some && !DescribedPmf<P> && reach.beyond > 0 && law.sample(reach.beyond) < outcome) reach.beyond = 0;
+  reach.beyond = some ? pmf.tail(outcome) : 1;
+  if (some && !DescribedPmf<P> && reach.beyond > 0 && pmf.sample(reach.beyond) < outcome) reach.beyond = 0;
   return reach;
 }
 

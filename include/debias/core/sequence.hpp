@@ -206,7 +206,7 @@ Term<sequence_value_t<S>> difference_of(const S& s, std::int64_t level, Stream& 
   }
 }
 
-/// A sequence that declares its rates gets its law for free.
+/// A sequence that declares its rates gets its PMF for free.
 template <class S>
 concept DeclaresRates = requires(const S& s) {
   { s.rates } -> std::convertible_to<Rates>;

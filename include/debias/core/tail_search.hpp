@@ -1,6 +1,6 @@
 #pragma once
 
-// Sampling a law from a table of its tails: the hot path of every law, a few ns for a mean level about 1.
+// Sampling a PMF from a table of its tails: the hot path of every PMF, a few ns for a mean level about 1.
 
 #include <algorithm>
 #include <cstddef>
@@ -11,7 +11,7 @@ namespace debias {
 
 /// The largest j with u <= tails[j], for falling tails with tails[0] >= u > tails.back().
 inline std::int64_t search_tails(std::span<const double> tails, double u) {
-  if (u > tails[1]) return 0;  // most draws of a steep law: this branch is worth its misses
+  if (u > tails[1]) return 0;  // most draws of a steep PMF: this branch is worth its misses
   // The next levels are counted without a branch: which of them it is, no branch predictor can know.
   const std::size_t counted = std::min<std::size_t>(tails.size(), 8);
   std::size_t j = 0;

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the estimators share: base and difference of one sample, the check of the base level, the default law, and
+// What the estimators share: base and difference of one sample, the check of the base level, the default PMF, and
 // how they name themselves.
 
 #include <array>
@@ -30,12 +30,12 @@ inline void check_base_level(const char* estimator, std::int64_t base_level) {
   }
 }
 
-inline Geometric default_law(const Rates& rates) {
+inline Geometric default_pmf(const Rates& rates) {
   const double exponent = default_exponent(rates);
   if (rates.decay == Decay::polynomial) {
     throw std::invalid_argument(
-        "law: the differences decay like a power of the level (under a geometric law their variance is infinite); "
-        "name the law Zeta(" +
+        "pmf: the differences decay like a power of the level (under a geometric PMF their variance is infinite); "
+        "name the PMF Zeta(" +
         detail::format("%f", exponent) + ")");
   }
   return Geometric::with_exponent(exponent);
@@ -149,9 +149,9 @@ void base_and_difference(const S& sequence, std::int64_t m, std::int64_t level, 
 }
 
 template <Pmf P>
-std::string describe(const std::string& estimator, const P& law, std::int64_t base_level) {
-  std::string name = "user-defined law";
-  if constexpr (DescribedPmf<P>) name = law.spec();
+std::string describe(const std::string& estimator, const P& pmf, std::int64_t base_level) {
+  std::string name = "user-defined PMF";
+  if constexpr (DescribedPmf<P>) name = pmf.spec();
   return estimator + ", " + name + ", base level " + std::to_string(base_level);
 }
 

@@ -2,10 +2,10 @@
 
 // Independent-sum debiasing: all levels up to a random one, each weighted by the probability of reaching it.
 //
-//   Z = I_m + sum_{j=1}^{J} D_(m+j) / P(J' >= j),   J ~ law, all D independent      [Rhee & Glynn 2015, section 2]
+//   Z = I_m + sum_{j=1}^{J} D_(m+j) / P(J' >= j),   J ~ pmf, all D independent      [Rhee & Glynn 2015, section 2]
 //
-//   Notation: m = base_level, P(J' >= j) = law.tail(j).
-// E Z = I for every law that reaches every level with a difference that is not zero, if sum E|D_k| < infinity.
+//   Notation: m = base_level, P(J' >= j) = pmf.tail(j).
+// E Z = I for every PMF that reaches every level with a difference that is not zero, if sum E|D_k| < infinity.
 // Variance and work are finite under the conditions of single_term; the weights are smaller (tails, not
 // masses), and one sample pays for every level below its deepest.
 
@@ -34,19 +34,19 @@ class IndependentSum {
   using value_type = sequence_value_t<S>;
 
   /// Throws std::invalid_argument for a negative base level.
-  IndependentSum(S sequence, P law, const IndependentSumOptions& options)
-      : sequence_(std::move(sequence)), law_(std::move(law)), base_level_(options.base_level) {
+  IndependentSum(S sequence, P pmf, const IndependentSumOptions& options)
+      : sequence_(std::move(sequence)), pmf_(std::move(pmf)), base_level_(options.base_level) {
     detail::check_base_level("independent_sum", base_level_);
   }
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    Stream law_stream = split(rng, Branch::law);
-    return draw(level_at(law_stream.uniform()), rng, record);
+    Stream pmf_stream = split(rng, Branch::pmf);
+    return draw(level_at(pmf_stream.uniform()), rng, record);
   }
 
   /// The deepest level, for a uniform in (0, 1]; deep levels lie at small ones.
-  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + law_.sample(u); }
+  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + pmf_.sample(u); }
 
   /// The sample that ends at `deepest`.
   template <Record R>
@@ -65,35 +65,35 @@ class IndependentSum {
   }
 
   /// What the difference of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
+  [[nodiscard]] double probability(std::int64_t level) const { return pmf_.tail(level - base_level_); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
-    return detail::reach_of(sequence_, law_, base_level_, base_level_);
+    return detail::reach_of(sequence_, pmf_, base_level_, base_level_);
   }
-  [[nodiscard]] const P& law() const { return law_; }
-  [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", law_, base_level_); }
+  [[nodiscard]] const P& pmf() const { return pmf_; }
+  [[nodiscard]] std::string describe() const { return detail::describe("independent_sum", pmf_, base_level_); }
 
  private:
   S sequence_;
-  P law_;
+  P pmf_;
   std::int64_t base_level_;
 };
 
-/// Independent-sum estimator of the limit of `sequence`; `law` is that of the number of levels above the base.
+/// Independent-sum estimator of the limit of `sequence`; `pmf` is that of the number of levels above the base.
 template <BiasedSequence S, Pmf P>
-IndependentSum<S, P> independent_sum(S sequence, P law, const IndependentSumOptions& options = {}) {
-  return {std::move(sequence), std::move(law), options};
+IndependentSum<S, P> independent_sum(S sequence, P pmf, const IndependentSumOptions& options = {}) {
+  return {std::move(sequence), std::move(pmf), options};
 }
 
-/// The same with the law that the declared rates of the sequence ask for.
+/// The same with the PMF that the declared rates of the sequence ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <BiasedSequence S>
 requires DeclaresRates<S> IndependentSum<S, Geometric> independent_sum(S sequence,
                                                                        const IndependentSumOptions& options = {}) {
   const Rates rates = sequence.rates;
-  return {std::move(sequence), detail::default_law(rates), options};
+  return {std::move(sequence), detail::default_pmf(rates), options};
 }
 
 // What is neither.

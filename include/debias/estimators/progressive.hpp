@@ -1,6 +1,6 @@
 #pragma once
 
-// A base level that grows with the sample index: consistent whatever the law, and its biased classic.
+// A base level that grows with the sample index: consistent whatever the PMF, and its biased classic.
 //
 //   progressive   Z_i = I_m(i) + D_N / p(N - m(i) - 1): unbiased at every i               [Misso et al. 2022]
 //   averaged      Z_i = I_m(i): biased at every i, the average converges        [Knaus & Zwicker 2011]
@@ -8,7 +8,7 @@
 //
 //   Notation: i = Stream::index().
 // Samples are not identically distributed. The means of `progressive` are equal, so that its standard error is right
-// all the same, and stays right for any schedule; that of `averaged` knows nothing of its bias. Where no law has
+// all the same, and stays right for any schedule; that of `averaged` knows nothing of its bias. Where no PMF has
 // finite variance and finite work, growing bases still bring the answer, at a slower rate than 1 / sqrt(work).
 // A sample past 2^30 first_step of work 2^m(i) costs what its base costs: choose `doublings` for that.
 
@@ -64,18 +64,18 @@ class Progressive {
  public:
   using value_type = sequence_value_t<S>;
 
-  Progressive(S sequence, P law, const Schedule& schedule)
-      : sequence_(std::move(sequence)), law_(std::move(law)), schedule_(schedule) {
+  Progressive(S sequence, P pmf, const Schedule& schedule)
+      : sequence_(std::move(sequence)), pmf_(std::move(pmf)), schedule_(schedule) {
     schedule_.check("progressive");
   }
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
     const std::int64_t m = schedule_.level(rng.index());
-    Stream law_stream = split(rng, Branch::law);
-    const std::int64_t j = law_.sample(law_stream.uniform());
+    Stream pmf_stream = split(rng, Branch::pmf);
+    const std::int64_t j = pmf_.sample(pmf_stream.uniform());
     const std::int64_t level = m + 1 + j;
-    return detail::base_and_difference(sequence_, m, level, inverse_weight(law_.mass(j), level), rng, record);
+    return detail::base_and_difference(sequence_, m, level, inverse_weight(pmf_.mass(j), level), rng, record);
   }
 
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
@@ -84,18 +84,18 @@ class Progressive {
   /// As if every sample had the base level of the last one.
   [[nodiscard]] Reach reach(std::int64_t last) const {
     const std::int64_t m = schedule_.level(static_cast<std::uint64_t>(last));
-    return detail::reach_of(sequence_, law_, m, m + 1);
+    return detail::reach_of(sequence_, pmf_, m, m + 1);
   }
 
   [[nodiscard]] std::string describe() const {
-    std::string name = "user-defined law";
-    if constexpr (DescribedPmf<P>) name = law_.spec();
+    std::string name = "user-defined PMF";
+    if constexpr (DescribedPmf<P>) name = pmf_.spec();
     return "progressive, " + name + ", " + schedule_.describe();
   }
 
  private:
   S sequence_;
-  P law_;
+  P pmf_;
   Schedule schedule_;
 };
 
@@ -129,8 +129,8 @@ class Averaged {
 
 /// The consistent and unbiased form. Throws, like `averaged`, std::invalid_argument for an impossible schedule.
 template <BiasedSequence S, Pmf P>
-Progressive<S, P> progressive(S sequence, P law, const Schedule& schedule = {}) {
-  return {std::move(sequence), std::move(law), schedule};
+Progressive<S, P> progressive(S sequence, P pmf, const Schedule& schedule = {}) {
+  return {std::move(sequence), std::move(pmf), schedule};
 }
 
 /// The consistent and biased classic: plain averages at growing levels.

@@ -2,13 +2,13 @@
 
 // Russian roulette, the coupled sum: the terms of a series in order along one path, up to a random one.
 //
-//   Z = sum_{k=0}^{m} T_k + sum_{j=1}^{J} T_(m+j) / P(J' >= j),   J ~ law    [McLeish 2011; Rhee & Glynn 2015 (3)]
+//   Z = sum_{k=0}^{m} T_k + sum_{j=1}^{J} T_(m+j) / P(J' >= j),   J ~ pmf    [McLeish 2011; Rhee & Glynn 2015 (3)]
 //
-//   Notation: m = base_level (the terms 0 ... m are always taken), P(J' >= j) = law.tail(j).
-// E Z = sum E T_k for every law that reaches every term, if sum E|T_k| < infinity. Finite variance needs the
-// tail of the law to fall slower than E T_k^2 (more precisely, sum nu_k / tail_k < infinity with
+//   Notation: m = base_level (the terms 0 ... m are always taken), P(J' >= j) = pmf.tail(j).
+// E Z = sum E T_k for every PMF that reaches every term, if sum E|T_k| < infinity. Finite variance needs the
+// tail of the PMF to fall slower than E T_k^2 (more precisely, sum nu_k / tail_k < infinity with
 // nu_k = ||I - I_(k-1)||^2 - ||I - I_k||^2), finite work needs it to be summable against the work of a term.
-// Instead of a law a policy may decide from term to term: IndexRoulette before a term is drawn, RunningWeight
+// Instead of a PMF a policy may decide from term to term: IndexRoulette before a term is drawn, RunningWeight
 // after, by its size. With a base level they make a deterministic prefix ("CMF") [Georgiev et al. 2019].
 // A probability that is negative or not finite throws std::domain_error; one above 1 keeps the term as 1 does.
 
@@ -41,23 +41,23 @@ class Roulette {
  public:
   using value_type = decltype(std::declval<const S&>()(std::declval<Stream&>())().value);
 
-  /// Throws std::invalid_argument for a negative base level, or a law that the terms refuse (`require`).
-  Roulette(S terms, P law, const RouletteOptions& options)
-      : terms_(std::move(terms)), law_(std::move(law)), base_level_(options.base_level) {
+  /// Throws std::invalid_argument for a negative base level, or a PMF that the terms refuse (`require`).
+  Roulette(S terms, P pmf, const RouletteOptions& options)
+      : terms_(std::move(terms)), pmf_(std::move(pmf)), base_level_(options.base_level) {
     detail::check_base_level("roulette", base_level_);
-    if constexpr (DescribedPmf<P> && requires { terms_.require(law_.tail_exponent()); }) {
-      terms_.require(law_.tail_exponent());
+    if constexpr (DescribedPmf<P> && requires { terms_.require(pmf_.tail_exponent()); }) {
+      terms_.require(pmf_.tail_exponent());
     }
   }
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    Stream law_stream = split(rng, Branch::law);
-    return draw(level_at(law_stream.uniform()), rng, record);
+    Stream pmf_stream = split(rng, Branch::pmf);
+    return draw(level_at(pmf_stream.uniform()), rng, record);
   }
 
   /// The last level, for a uniform in (0, 1]; deep levels lie at small ones.
-  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + law_.sample(u); }
+  [[nodiscard]] std::int64_t level_at(double u) const { return base_level_ + pmf_.sample(u); }
 
   /// The sample that ends at `last`.
   template <Record R>
@@ -85,31 +85,31 @@ class Roulette {
   }
 
   /// What the term of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - base_level_); }
+  [[nodiscard]] double probability(std::int64_t level) const { return pmf_.tail(level - base_level_); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
-    return detail::reach_of(terms_, law_, base_level_, base_level_);
+    return detail::reach_of(terms_, pmf_, base_level_, base_level_);
   }
-  [[nodiscard]] const P& law() const { return law_; }
-  [[nodiscard]] std::string describe() const { return detail::describe("roulette", law_, base_level_); }
+  [[nodiscard]] const P& pmf() const { return pmf_; }
+  [[nodiscard]] std::string describe() const { return detail::describe("roulette", pmf_, base_level_); }
 
  private:
   S terms_;
-  P law_;
+  P pmf_;
   std::int64_t base_level_;
 };
 
-/// Roulette estimator of the sum of `terms`; `law` is that of the number of terms beyond the base.
+/// Roulette estimator of the sum of `terms`; `pmf` is that of the number of terms beyond the base.
 template <TermSequence S, Pmf P>
-Roulette<S, P> roulette(S terms, P law, const RouletteOptions& options = {}) {
-  return {std::move(terms), std::move(law), options};
+Roulette<S, P> roulette(S terms, P pmf, const RouletteOptions& options = {}) {
+  return {std::move(terms), std::move(pmf), options};
 }
 
-/// The same with the law that the declared rates of the terms ask for.
+/// The same with the PMF that the declared rates of the terms ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <TermSequence S>
 requires DeclaresRates<S> Roulette<S, Geometric> roulette(S terms, const RouletteOptions& options = {}) {
   const Rates rates = terms.rates;
-  return {std::move(terms), detail::default_law(rates), options};
+  return {std::move(terms), detail::default_pmf(rates), options};
 }
 
 // ---- policies: one decision a term
@@ -184,7 +184,7 @@ class PolicyRoulette {
   /// Throws std::length_error where 10^9 terms are not enough: they do not fall.
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    Stream decisions = split(rng, Branch::law);
+    Stream decisions = split(rng, Branch::pmf);
     Stream path = split_level(rng, 0);
     auto cursor = terms_(path);
     auto term = cursor();
@@ -221,7 +221,7 @@ class PolicyRoulette {
       sample.value = debias::sum(std::move(sample.value), debias::scaled(std::move(term.value), weight));
       if (!std::isfinite(size)) return sample;
     }
-    throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a law");
+    throw std::length_error("roulette: the policy goes on after 10^9 terms (they do not fall); take a PMF");
   }
 
   [[nodiscard]] std::string describe() const {

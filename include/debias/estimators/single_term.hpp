@@ -5,9 +5,9 @@
 //   Base::always   Z = I_m + D_N / p(N - m - 1),  N = m + 1, m + 2, ...          [Misso et al. 2022]
 //   Base::drawn    Z = D_N / p(N - m),  N = m, m + 1, ..., D_m read as I_m       [Rhee & Glynn 2015 (2)]
 //
-//   Notation: m = base_level, p = law.mass, D_k = difference of level k.
-// E Z = I for every law that is positive wherever a difference is not zero, if sum E|D_k| < infinity. The
-// variance, sum E D_k^2 / p_k, and the work, sum work_k p_k, are finite only if the law fits the sequence
+//   Notation: m = base_level, p = pmf.mass, D_k = difference of level k.
+// E Z = I for every PMF that is positive wherever a difference is not zero, if sum E|D_k| < infinity. The
+// variance, sum E D_k^2 / p_k, and the work, sum work_k p_k, are finite only if the PMF fits the sequence
 // (core/rates.hpp). Base::drawn saves a base that is expensive, at the price of the variance of choosing it.
 // A sequence that offers `shared` gives base and difference from one draw: less work and a far quieter base.
 
@@ -31,7 +31,7 @@
 
 namespace debias {
 
-/// Whether every sample evaluates the base, or the base is one outcome of the law.
+/// Whether every sample evaluates the base, or the base is one outcome of the PMF.
 enum class Base { always, drawn };
 
 struct SingleTermOptions {
@@ -45,21 +45,21 @@ class SingleTerm {
   using value_type = sequence_value_t<S>;
 
   /// Throws std::invalid_argument for a negative base level.
-  SingleTerm(S levels, P law, const SingleTermOptions& options)
-      : sequence_(std::move(levels)), law_(std::move(law)), options_(options) {
+  SingleTerm(S levels, P pmf, const SingleTermOptions& options)
+      : sequence_(std::move(levels)), pmf_(std::move(pmf)), options_(options) {
     detail::check_base_level("single_term", options.base_level);
   }
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    Stream law_stream = split(rng, Branch::law);
-    return draw(level_at(law_stream.uniform()), rng, record);
+    Stream pmf_stream = split(rng, Branch::pmf);
+    return draw(level_at(pmf_stream.uniform()), rng, record);
   }
 
   /// The level that a uniform in (0, 1] stands for; deep levels lie at small ones.
-  [[nodiscard]] std::int64_t level_at(double u) const { return first_level() + law_.sample(u); }
+  [[nodiscard]] std::int64_t level_at(double u) const { return first_level() + pmf_.sample(u); }
 
-  /// The sample that a draw of `level` from the law gives.
+  /// The sample that a draw of `level` from the PMF gives.
   template <Record R>
   Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
     const double weight = inverse_weight(probability(level), level);
@@ -100,44 +100,44 @@ class SingleTerm {
   }
 
   /// What the difference of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const { return law_.mass(level - first_level()); }
+  [[nodiscard]] double probability(std::int64_t level) const { return pmf_.mass(level - first_level()); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
-    return detail::reach_of(sequence_, law_, options_.base_level, first_level());
+    return detail::reach_of(sequence_, pmf_, options_.base_level, first_level());
   }
-  [[nodiscard]] const P& law() const { return law_; }
+  [[nodiscard]] const P& pmf() const { return pmf_; }
   [[nodiscard]] const S& sequence() const { return sequence_; }
 
   [[nodiscard]] std::string describe() const {
-    return detail::describe(options_.base == Base::drawn ? "single_term, base drawn" : "single_term", law_,
+    return detail::describe(options_.base == Base::drawn ? "single_term, base drawn" : "single_term", pmf_,
                             options_.base_level);
   }
 
  private:
-  // The level that outcome 0 of the law stands for.
+  // The level that outcome 0 of the PMF stands for.
   [[nodiscard]] std::int64_t first_level() const {
     return options_.base_level + (options_.base == Base::always ? 1 : 0);
   }
 
   S sequence_;
-  P law_;
+  P pmf_;
   SingleTermOptions options_;
 };
 
-/// Single-term estimator of the limit of `sequence` with levels drawn from `law`.
+/// Single-term estimator of the limit of `sequence` with levels drawn from `pmf`.
 template <BiasedSequence S, Pmf P>
-SingleTerm<S, P> single_term(S sequence, P law, const SingleTermOptions& options = {}) {
-  return {std::move(sequence), std::move(law), options};
+SingleTerm<S, P> single_term(S sequence, P pmf, const SingleTermOptions& options = {}) {
+  return {std::move(sequence), std::move(pmf), options};
 }
 
-/// The same with the law that the declared rates of the sequence ask for.
+/// The same with the PMF that the declared rates of the sequence ask for.
 /// Throws std::invalid_argument when there is none, or when it is not geometric.
 template <BiasedSequence S>
 requires DeclaresRates<S> SingleTerm<S, Geometric> single_term(S sequence, const SingleTermOptions& options = {}) {
   const Rates rates = sequence.rates;
-  return {std::move(sequence), detail::default_law(rates), options};
+  return {std::move(sequence), detail::default_pmf(rates), options};
 }
 
 // What is neither.

@@ -1,13 +1,13 @@
 #pragma once
 
-// Strata: blocks of n members whose levels are spread over the law, instead of n independent draws of the level.
+// Strata: blocks of n members whose levels are spread over the PMF, instead of n independent draws of the level.
 //
 //   Z = (1/n) sum_j z(level_j, stream_j),   E #{j : level_j = k} = n p_k for every k        [Vihola 2018]
 //   systematic   level_j = F^-1((j + U) / n), one U for the block
 //   uniform      level_j = F^-1((j + U_j) / n)
 //   residual     floor(n p_k) copies of level k, the rest drawn from n p_k - floor(n p_k)
 //
-//   Notation: n = block, F^-1 = law.sample, z(k, stream) = estimator.draw(k, stream).
+//   Notation: n = block, F^-1 = pmf.sample, z(k, stream) = estimator.draw(k, stream).
 // The variance of choosing the level, sum d_k^2 / p_k - I^2, all but disappears: n Var Z -> sum Var D_k / p_k, the
 // efficiency of multilevel Monte Carlo, without its bias. One block is one sample: blocks are independent, so their
 // standard error is honest. It takes some hundred blocks; a sample index names a block.
@@ -45,15 +45,15 @@ inline const char* name_of(Strata strata) {
   return names[static_cast<std::size_t>(strata)];
 }
 
-/// An estimator whose level can be drawn from outside: single_term, and roulette and independent_sum with a law.
+/// An estimator whose level can be drawn from outside: single_term, and roulette and independent_sum with a PMF.
 template <class E>
 concept StratifiableEstimator = Estimator<E> &&
     requires(const E& e, double u, std::int64_t level, const Stream& rng, NullRecord& record) {
   { e.level_at(u) } -> std::same_as<std::int64_t>;
   { e.probability(level) } -> std::same_as<double>;
   e.draw(level, rng, record);
-  { e.law().mass(level) } -> std::same_as<double>;
-  { e.law().tail(level) } -> std::same_as<double>;
+  { e.pmf().mass(level) } -> std::same_as<double>;
+  { e.pmf().tail(level) } -> std::same_as<double>;
 };
 
 namespace detail {
@@ -70,7 +70,7 @@ class Stratified {
  public:
   using value_type = estimate_value_t<E>;
 
-  /// Throws std::invalid_argument for an empty block, or residual strata of a law with a very slow tail.
+  /// Throws std::invalid_argument for an empty block, or residual strata of a PMF with a very slow tail.
   Stratified(E estimator, std::int64_t block, Strata strata)
       : estimator_(std::move(estimator)), block_(block), strata_(strata) {
     if (block < 1) {
@@ -84,14 +84,14 @@ class Stratified {
   Sample<value_type> operator()(Stream& rng, R& record) const {
     switch (strata_) {
       case Strata::systematic: {
-        Stream law_stream = split(rng, Branch::law);
-        const double shift = law_stream.uniform();
+        Stream pmf_stream = split(rng, Branch::pmf);
+        const double shift = pmf_stream.uniform();
         return block_of(rng, record, [&](std::int64_t j) { return estimator_.level_at(at(j, shift)); });
       }
       case Strata::uniform:
         return block_of(rng, record, [&](std::int64_t j) {
-          Stream law_stream = split(member(rng, j), Branch::law);
-          return estimator_.level_at(at(j, law_stream.uniform()));
+          Stream pmf_stream = split(member(rng, j), Branch::pmf);
+          return estimator_.level_at(at(j, pmf_stream.uniform()));
         });
       case Strata::residual:
         break;
@@ -100,8 +100,8 @@ class Stratified {
       for (; row < copies_.size(); ++row, used = 0) {
         if (used++ < copies_[row].count) return copies_[row].level;
       }
-      Stream law_stream = split(member(rng, j), Branch::law);
-      return residual_level(law_stream.uniform());
+      Stream pmf_stream = split(member(rng, j), Branch::pmf);
+      return residual_level(pmf_stream.uniform());
     });
   }
 
@@ -196,14 +196,14 @@ class Stratified {
     const auto n = static_cast<double>(block_);
     const std::int64_t first = estimator_.level_at(1);
     std::int64_t levels = 1;
-    while (n * estimator_.law().tail(levels) >= 1) {
+    while (n * estimator_.pmf().tail(levels) >= 1) {
       if (++levels > most_copied_levels) refuse_slow_tail();
     }
-    rest_tail_ = n * estimator_.law().tail(levels);
+    rest_tail_ = n * estimator_.pmf().tail(levels);
     copies_.resize(static_cast<std::size_t>(levels));
     double residual = rest_tail_;
     for (std::int64_t j = levels; j-- > 0;) {
-      const double expected = n * estimator_.law().mass(j);
+      const double expected = n * estimator_.pmf().mass(j);
       if (!(expected >= 0 && expected <= 2 * n)) refuse_mass(j, expected / n);
       const double whole = std::floor(expected);
       residual += expected - whole;
@@ -215,11 +215,11 @@ class Stratified {
     throw std::invalid_argument("stratified: residual strata with " + debias::description(estimator_) +
                                 " (its tail is not below 1 / " + std::to_string(block_) + " within " +
                                 std::to_string(most_copied_levels) +
-                                " levels: too slow, or no law); take Strata::systematic");
+                                " levels: too slow, or no PMF); take Strata::systematic");
   }
 
   [[noreturn]] static void refuse_mass(std::int64_t j, double mass) {
-    throw std::invalid_argument("stratified: the law has the mass " + detail::format("%g", mass) + " at " +
+    throw std::invalid_argument("stratified: the PMF has the mass " + detail::format("%g", mass) + " at " +
                                 std::to_string(j) + " (must lie in [0, 1])");
   }
 
@@ -240,7 +240,7 @@ class Stratified {
   double rest_tail_ = 0;        // n P(a level beyond copies_)
 };
 
-/// Blocks of `block` members: `estimate(stratified(single_term(s, law), 64), {.samples = 10'000})` draws 640,000.
+/// Blocks of `block` members: `estimate(stratified(single_term(s, pmf), 64), {.samples = 10'000})` draws 640,000.
 template <StratifiableEstimator E>
 Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
   return {std::move(estimator), block, strata};

@@ -38,12 +38,12 @@ namespace detail {
     throw std::invalid_argument("doubling: level = " + std::to_string(level) + " (must be at least 0)");
   }
   throw std::length_error("doubling: level " + std::to_string(level) +
-                          " needs 2^level draws (beyond int64); choose a law with a lighter tail");
+                          " needs 2^level draws (beyond int64); choose a PMF with a lighter tail");
 }
 }  // namespace detail
 
 /// 2^level. Throws std::invalid_argument below level 0 and std::length_error where the number of draws leaves
-/// the 64-bit integers (a law that gets there has a tail of infinite work).
+/// the 64-bit integers (a PMF that gets there has a tail of infinite work).
 inline std::int64_t doubled_draws(std::int64_t level) {
   if (level < 0 || level > 62) [[unlikely]]
     detail::refuse_level(level);

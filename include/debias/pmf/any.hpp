@@ -1,11 +1,11 @@
 #pragma once
 
-// A law chosen at run time, from the command line or by a recipe.
+// A PMF chosen at run time, from the command line or by a recipe.
 //
 //   geometric:r=0.6   geometric:theta=1.3   zeta:s=2.5   poisson:lambda=3   tabulated:0.5,0.3,0.2;tail=0.4
 //
-// spec() gives such a text, with the digits that parse() reads back as the identical law, bit for bit. A new
-// law joins the variant here, and the table of forms and parse() in any.cpp. Per sample the dispatch is one
+// spec() gives such a text, with the digits that parse() reads back as the identical PMF, bit for bit. A new
+// PMF joins the variant here, and the table of forms and parse() in any.cpp. Per sample the dispatch is one
 // switch.
 
 #include <cstdint>
@@ -24,9 +24,9 @@ namespace debias {
 
 class AnyPmf {
  public:
-  using Law = std::variant<Geometric, Zeta, Poisson, Tabulated>;
+  using Kind = std::variant<Geometric, Zeta, Poisson, Tabulated>;
 
-  /// What can be written on the command line, for a list of laws.
+  /// What can be written on the command line, for a list of PMFs.
   struct Form {
     std::string_view name;
     std::string_view example;
@@ -34,7 +34,7 @@ class AnyPmf {
   };
   static std::span<const Form> forms();
 
-  AnyPmf(Law law);
+  AnyPmf(Kind pmf);
   // In the library, and not inline: g++ 12 takes the vectors of a variant that is moved for uninitialised, and says so
   // in the user's program.
   AnyPmf(const AnyPmf& other);
@@ -44,27 +44,27 @@ class AnyPmf {
   ~AnyPmf();
 
   /// Throws std::invalid_argument that names what is wrong with the text, with the nearest name where one is
-  /// close, or what is wrong with the parameters of the law.
+  /// close, or what is wrong with the parameters of the PMF.
   static AnyPmf parse(std::string_view text);
 
   double mass(std::int64_t j) const {
-    return std::visit([j](const auto& law) { return law.mass(j); }, law_);
+    return std::visit([j](const auto& pmf) { return pmf.mass(j); }, pmf_);
   }
   double tail(std::int64_t j) const {
-    return std::visit([j](const auto& law) { return law.tail(j); }, law_);
+    return std::visit([j](const auto& pmf) { return pmf.tail(j); }, pmf_);
   }
   std::int64_t sample(double u) const {
-    return std::visit([u](const auto& law) { return law.sample(u); }, law_);
+    return std::visit([u](const auto& pmf) { return pmf.sample(u); }, pmf_);
   }
   TailExponent tail_exponent() const {
-    return std::visit([](const auto& law) { return law.tail_exponent(); }, law_);
+    return std::visit([](const auto& pmf) { return pmf.tail_exponent(); }, pmf_);
   }
   std::string spec() const {
-    return std::visit([](const auto& law) { return law.spec(); }, law_);
+    return std::visit([](const auto& pmf) { return pmf.spec(); }, pmf_);
   }
 
  private:
-  Law law_;
+  Kind pmf_;
 };
 
 }  // namespace debias

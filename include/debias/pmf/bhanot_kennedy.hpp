@@ -1,6 +1,6 @@
 #pragma once
 
-// The order law of Bhanot & Kennedy, for sums of series whose terms fall like c^k / k!.
+// The order PMF of Bhanot & Kennedy, for sums of series whose terms fall like c^k / k!.
 //
 //   P(J = 0) = zero; otherwise J >= first, and from i - 1 to i it goes on with probability min(1, c / i), i >
 // first

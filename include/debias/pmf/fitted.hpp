@@ -1,6 +1,6 @@
 #pragma once
 
-// Laws from measured level moments: the masses, or the survival probabilities, with the least variance x work.
+// PMFs from measured level moments: the masses, or the survival probabilities, with the least variance x work.
 //
 //   single term   minimise (v + sum_k b_k p_k + sum_k a_k / p_k) (c + sum_k w_k p_k), sum_k p_k = 1
 //                 with b = c = 0: p_k ~ sqrt(a_k / (w_k + kappa)), kappa = -v C / V at the optimum; sqrt(a / w)
@@ -20,7 +20,7 @@
 
 namespace debias {
 
-/// What a law of single terms is chosen for; the three vectors have one entry for each outcome of the law.
+/// What a PMF of single terms is chosen for; the three vectors have one entry for each outcome of the PMF.
 struct TermMoments {
   std::vector<double> variance;       ///< Var D_k
   std::vector<double> mean_square;    ///< (E D_k)^2
@@ -31,7 +31,7 @@ struct TermMoments {
   /// fall; an empty one, and an empty list, stand for all.
   std::vector<std::vector<double>> variance_left;
   std::vector<std::vector<double>> base_left;
-  double fixed_variance = 0;  ///< what no law changes; may be negative
+  double fixed_variance = 0;  ///< what no PMF changes; may be negative
   double fixed_work = 0;
   std::int64_t block = 1;  ///< members of a stratified block; 1: independent members
 };
@@ -42,7 +42,7 @@ struct VarianceAndWork {
   [[nodiscard]] double product() const { return variance * work; }
 };
 
-/// What a law with these masses gives.
+/// What a PMF with these masses gives.
 VarianceAndWork predict(const TermMoments& moments, std::span<const double> masses);
 
 /// The best masses, which sum to 1. Throws std::invalid_argument for vectors of different lengths, or unless every

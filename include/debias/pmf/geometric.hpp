@@ -1,13 +1,13 @@
 #pragma once
 
-// The geometric law, the default for differences and work that are powers of 2.
+// The geometric PMF, the default for differences and work that are powers of 2.
 //
 //   p_j = r (1-r)^j,  P(J >= j) = (1-r)^j,  mean 1/r - 1,  p_j ~ 2^(-theta j) with theta = -log2(1-r)
 //
 // With E D_j^2 ~ 2^(-beta j) and work ~ 2^(gamma j), a single-term estimator has finite variance exactly when
 // theta < beta and finite expected work exactly when theta > gamma; the least product of both is at
 // theta = (beta + gamma) / 2. beta <= gamma: no theta gives both.
-// The law is the double r. Tails are within a few ulp for every r and level, 1 - r is never rounded away.
+// The PMF is the double r. Tails are within a few ulp for every r and level, 1 - r is never rounded away.
 // Fails for r < 2^-40: with a mean level of 10^12, levels outgrow what a double counts exactly.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015); Blanchet & Glynn, WSC 2015 (theta = 3/2).
 
@@ -26,7 +26,7 @@ class Geometric {
   /// r = P(J = 0). Throws std::invalid_argument unless r lies in [2^-40, 1).
   explicit Geometric(double r);
 
-  /// The law whose masses fall like 2^(-theta j): r = 1 - 2^-theta, rounded. Throws std::invalid_argument
+  /// The PMF whose masses fall like 2^(-theta j): r = 1 - 2^-theta, rounded. Throws std::invalid_argument
   /// unless theta lies in (0, 53] and r in the range above.
   static Geometric with_exponent(double theta);
 

@@ -1,11 +1,11 @@
 #pragma once
 
-// The law of a radius that shrinks: masses like the steps of r^2 ~ (j+1)^(alpha-1), 0 < alpha < 1.
+// The PMF of a radius that shrinks: masses like the steps of r^2 ~ (j+1)^(alpha-1), 0 < alpha < 1.
 //
 //   p_j = (j+1)^(alpha-1) - (j+2)^(alpha-1),  P(J >= j) = (j+1)^(alpha-1),  p_j ~ j^(alpha-2)
 //
 // Under it the means of all weighted differences of a photon density are the same. The tail is the heaviest of all
-// laws here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3: sampling it
+// PMFs here: the mean level is infinite, and of 10^6 samples one does not fit 64 bits at alpha = 2/3: sampling it
 // throws, and runs that may need it are refused. Source: Misso et al., ACM TOG 41(4), 2022.
 
 #include <cmath>
@@ -18,12 +18,12 @@
 
 namespace debias {
 
-class RadiusLaw {
+class RadiusPmf {
  public:
   /// Throws std::invalid_argument unless alpha lies in (0, 1).
-  explicit RadiusLaw(double alpha) : alpha_(alpha) {
+  explicit RadiusPmf(double alpha) : alpha_(alpha) {
     if (alpha > 0 && alpha < 1) return;
-    throw std::invalid_argument("RadiusLaw: alpha = " + detail::format("%f", alpha) +
+    throw std::invalid_argument("RadiusPmf: alpha = " + detail::format("%f", alpha) +
                                 " (must lie in (0, 1); 2/3 is usual)");
   }
   [[nodiscard]] double tail(std::int64_t j) const { return std::pow(static_cast<double>(j) + 1, alpha_ - 1); }
@@ -33,7 +33,7 @@ class RadiusLaw {
   /// Throws std::length_error for a level of 2^62 or more.
   [[nodiscard]] std::int64_t sample(double u) const {
     const double guess = std::pow(u, 1 / (alpha_ - 1)) - 1;
-    if (!(guess < 0x1p62)) throw std::length_error("RadiusLaw: a level beyond int64 (a cut would be a bias)");
+    if (!(guess < 0x1p62)) throw std::length_error("RadiusPmf: a level beyond int64 (a cut would be a bias)");
     const auto j = static_cast<std::int64_t>(guess);
     // Beyond 2^50 neighbouring tails are equal doubles, and a search among them has no end.
     return guess > 0x1p50 ? j : invert_tail([this](std::int64_t i) { return tail(i); }, u, j);

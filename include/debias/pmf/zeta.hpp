@@ -1,6 +1,6 @@
 #pragma once
 
-// The zeta law, for differences and work that are powers of the level.
+// The zeta PMF, for differences and work that are powers of the level.
 //
 //   p_j = (j+1)^-s / zeta(s),  P(J >= j) = zeta(s, j+1) / zeta(s),  zeta(s, a) = sum_(k>=0) (a+k)^-s
 //

@@ -45,7 +45,7 @@ class TabulatedSeries {
   double operator()() {
     if (k_ <= order) return c_[k_++];
     throw std::length_error("autodiff: order " + std::to_string(k_) + " is beyond the " + std::to_string(order) +
-                            " that were asked for; ask for more, or take a law that falls faster");
+                            " that were asked for; ask for more, or take a PMF that falls faster");
   }
 
   double scale;

@@ -108,8 +108,8 @@ class TaylorSum {
 
   /// Throws std::invalid_argument for a negative base level, draws that the products do not use, or where g has
   /// no series at the pivot.
-  TaylorSum(X x, G g, Pivot pivot, P law, const TaylorSumOptions& options)
-      : x_(std::move(x)), g_(std::move(g)), pivot_(pivot), law_(std::move(law)), options_(options) {
+  TaylorSum(X x, G g, Pivot pivot, P pmf, const TaylorSumOptions& options)
+      : x_(std::move(x)), g_(std::move(g)), pivot_(pivot), pmf_(std::move(pmf)), options_(options) {
     if (options.base_level < 0) {
       throw std::invalid_argument("taylor_sum: base_level = " + std::to_string(options.base_level) +
                                   " (levels start at 0)");
@@ -124,9 +124,9 @@ class TaylorSum {
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    Stream law_stream = split(rng, Branch::law);
+    Stream pmf_stream = split(rng, Branch::pmf);
     Stream path = split_level(rng, 0);
-    const std::int64_t order = options_.base_level + law_.sample(law_stream.uniform());
+    const std::int64_t order = options_.base_level + pmf_.sample(pmf_stream.uniform());
     if (draws_at(order) == 0) return constant_term(path, record);
     const auto n = static_cast<std::size_t>(draws_at(order));
     const auto count = static_cast<std::size_t>(order) + 1;  // of terms
@@ -162,11 +162,11 @@ class TaylorSum {
   }
 
   /// What the term of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const { return law_.tail(level - options_.base_level); }
+  [[nodiscard]] double probability(std::int64_t level) const { return pmf_.tail(level - options_.base_level); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
-    return detail::reach_of(g_, law_, options_.base_level, options_.base_level);
+    return detail::reach_of(g_, pmf_, options_.base_level, options_.base_level);
   }
-  [[nodiscard]] const P& law() const { return law_; }
+  [[nodiscard]] const P& pmf() const { return pmf_; }
 
   [[nodiscard]] std::string describe() const {
     static constexpr const char* names[] = {"simple", "cyclic", "symmetric"};
@@ -177,9 +177,9 @@ class TaylorSum {
       text += "centre " + detail::format("%f", pivot_) + ", ";
     }
     if constexpr (DescribedPmf<P>) {
-      text += law_.spec();
+      text += pmf_.spec();
     } else {
-      text += "user-defined law";
+      text += "user-defined PMF";
     }
     text += ", base level " + std::to_string(options_.base_level);
     return options_.draws == 0 ? text : text + ", draws " + std::to_string(options_.draws);
@@ -261,27 +261,27 @@ class TaylorSum {
   X x_;
   G g_;
   Pivot pivot_;
-  P law_;
+  P pmf_;
   TaylorSumOptions options_;
 };
 
-/// g(E X) by averages of products about a point; `law` is that of the order above the base level.
+/// g(E X) by averages of products about a point; `pmf` is that of the order above the base level.
 template <RandomVariable X, Expandable G, Pmf P>
-TaylorSum<X, G, double, P> taylor_sum(X x, G g, double at, P law, const TaylorSumOptions& options = {}) {
-  return {std::move(x), std::move(g), at, std::move(law), options};
+TaylorSum<X, G, double, P> taylor_sum(X x, G g, double at, P pmf, const TaylorSumOptions& options = {}) {
+  return {std::move(x), std::move(g), at, std::move(pmf), options};
 }
-/// Throws std::invalid_argument where the terms do not fall, or the law has infinite variance or work.
+/// Throws std::invalid_argument where the terms do not fall, or the PMF has infinite variance or work.
 template <RandomVariable X, Expandable G, Pmf P>
-TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P law, const TaylorSumOptions& options = {}) {
+TaylorSum<X, G, double, P> taylor_sum(X x, G g, const Centre& centre, P pmf, const TaylorSumOptions& options = {}) {
   detail::require_mean_square(centre);
   const double b = detail::decay(g, centre);
   detail::require_decay(b);
-  if constexpr (DescribedPmf<P>) detail::require_survival(b, law.tail_exponent());
-  return {std::move(x), std::move(g), centre.at, std::move(law), options};
+  if constexpr (DescribedPmf<P>) detail::require_survival(b, pmf.tail_exponent());
+  return {std::move(x), std::move(g), centre.at, std::move(pmf), options};
 }
 template <RandomVariable X, Expandable G, Pmf P>
-TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P law, const TaylorSumOptions& options = {}) {
-  return {std::move(x), std::move(g), pivot, std::move(law), options};
+TaylorSum<X, G, DrawnPivot, P> taylor_sum(X x, G g, DrawnPivot pivot, P pmf, const TaylorSumOptions& options = {}) {
+  return {std::move(x), std::move(g), pivot, std::move(pmf), options};
 }
 
 template <class X, class G, class At, class P>

@@ -5,7 +5,7 @@
 //   T_k = c_k prod_(i <= k) (X_i - a),  sum_k E T_k = g(E X)            [Blanchet, Chen & Glynn 2015]
 //
 //   Notation: a = centre, R = radius of convergence at a, b = E (X - a)^2 / R^2. T_0 costs 1, a draw 1 or
-// x.work. E T_k^2 falls like b^k: finite variance needs b < s < 1, s = the ratio by which the tail of the law
+// x.work. E T_k^2 falls like b^k: finite variance needs b < s < 1, s = the ratio by which the tail of the PMF
 // falls. The least b for 1/x, log and powers is at a = E X^2 / E X; there b = Var X / E X^2 < 1. Bounds or
 // the moments of a pilot (Centre) let this be checked; a bare a is taken as it is. For exp, any a will do: R
 // is infinite. Source: Chopin, Crucinio & Singh 2024 (centre and conditions).
@@ -104,7 +104,7 @@ Centre centre(const G& g, const Moments& pilot, double at) {
   const double b = detail::decay(g, chosen);
   if (!(b < 1)) {
     throw std::invalid_argument("centre: at = " + detail::format("%f", at) + " (E (X - a)^2 / R^2 = " +
-                                detail::format("%f", b) + " must be below 1, else no law has finite variance); " +
+                                detail::format("%f", b) + " must be below 1, else no PMF has finite variance); " +
                                 detail::format("%f", best.at) + " has " + std::to_string(detail::decay(g, best)));
   }
   return chosen;
@@ -154,13 +154,13 @@ inline void require_mean_square(const Centre& c) {
 inline void require_decay(double b) {
   if (b >= 0 && b < 1) return;
   throw std::invalid_argument("taylor: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
-                              " (must be below 1, else the terms do not fall and no law has finite variance); X has to "
+                              " (must be below 1, else the terms do not fall and no PMF has finite variance); X has to "
                               "stay on one side of the singularity, and centre(g, pilot moments) is the best centre");
 }
-inline void require_survival(double b, const TailExponent& law) {
-  const double survival = law.decay == Decay::polynomial ? 1 : std::exp2(-law.exponent);
+inline void require_survival(double b, const TailExponent& pmf) {
+  const double survival = pmf.decay == Decay::polynomial ? 1 : std::exp2(-pmf.exponent);
   if (b == 0 || (b < survival && survival < 1)) return;
-  throw std::invalid_argument("taylor: the law goes on with probability " + detail::format("%f", survival) +
+  throw std::invalid_argument("taylor: the PMF goes on with probability " + detail::format("%f", survival) +
                               " a term (must lie in (" + detail::format("%f", b) +
                               ", 1) for finite variance and work: E (X - a)^2 / R^2 = " + detail::format("%f", b) +
                               "); Geometric(" + detail::format("%f", 1 - std::sqrt(b)) + ") is the best");
@@ -263,7 +263,7 @@ class Taylor {
   double inverse_scale_;
 };
 
-/// The same about a centre that is known to be good: it declares its rates, and refuses a law that does not
+/// The same about a centre that is known to be good: it declares its rates, and refuses a PMF that does not
 /// fit.
 template <RandomVariable X, Expandable G>
 class RatedTaylor : public Taylor<X, G> {
@@ -274,8 +274,8 @@ class RatedTaylor : public Taylor<X, G> {
     detail::require_mean_square(c);
     detail::require_decay(decay_);
   }
-  /// Throws std::invalid_argument for a law with infinite variance or work.
-  void require(const TailExponent& law) const { detail::require_survival(decay_, law); }
+  /// Throws std::invalid_argument for a PMF with infinite variance or work.
+  void require(const TailExponent& pmf) const { detail::require_survival(decay_, pmf); }
 
   Rates rates;
 
@@ -283,7 +283,7 @@ class RatedTaylor : public Taylor<X, G> {
   double decay_;
 };
 
-/// g(E X) about the point `at`: `x(rng)` draws X. A law has to be named.
+/// g(E X) about the point `at`: `x(rng)` draws X. A PMF has to be named.
 template <RandomVariable X, Expandable G>
 Taylor<X, G> taylor(X x, const G& g, double at) {
   return {std::move(x), g, at};

@@ -35,7 +35,7 @@ stream_version: int = _debias.stream_version
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
     "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral",
-    "function_of_mean", "laws", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
+    "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
     "stream_version", "survey", "tradeoff",
 ]
 
@@ -330,14 +330,14 @@ def _problem(problem: Any) -> Any:
                     "see debias.levels and debias.function_of_mean)")
 
 
-def _law(problem: Any, law: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
-    """Without declared rates a pilot has to choose the law, where there is one."""
-    needs = law is None and estimator not in ("truncated", "multilevel")
+def _pmf(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
+    """Without declared rates a pilot has to choose the PMF, where there is one."""
+    needs = pmf is None and estimator not in ("truncated", "multilevel")
     if not needs or not isinstance(problem, Problem) or problem.declares_rates:
-        return law
+        return pmf
     if pilot and estimator in (None, "single_term", "single_term_drawn"):
         return "auto"
-    raise ValueError(f"law: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['law'] of "
+    raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
                      "an estimate")
 
 
@@ -373,13 +373,13 @@ class _Bar:
 
 
 def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
-             estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
+             estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
              relative_error: Optional[Number] = None, time: Optional[Number] = None,
              confidence: Number = 0.95, progress: Progress = None) -> Result:
     """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `time` ask for.
 
-    law         of the random level, "geometric:r=0.6"; "auto": a pilot chooses law, base level and strata. Without
+    pmf         of the random level, "geometric:r=0.6"; "auto": a pilot chooses PMF, base level and strata. Without
                 one the declared rates of the problem choose, or a pilot where there are none.
     estimator   see `estimators()`; "multilevel", the biased baseline, takes an `error`
     block       members of a block of systematic strata, which is one sample
@@ -390,7 +390,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
                        estimator=None if estimator == "multilevel" else estimator,
-                       law=_law(_problem(problem), law, estimator, pilot=True), base_level=base_level, block=block,
+                       pmf=_pmf(_problem(problem), pmf, estimator, pilot=True), base_level=base_level, block=block,
                        error=error, relative_error=relative_error, time=time, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, options, bar))
@@ -414,7 +414,7 @@ def _warn(result: Result) -> None:
 
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
-            estimator: Optional[str] = None, law: Optional[str] = None, base_level: Optional[Number] = None,
+            estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
             block: Optional[Number] = None, progress: Progress = None) -> Samples:
     """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages.
 
@@ -426,7 +426,7 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    options = _options(seed=seed, estimator=estimator, law=_law(_problem(problem), law, estimator),
+    options = _options(seed=seed, estimator=estimator, pmf=_pmf(_problem(problem), pmf, estimator),
                        base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
@@ -436,19 +436,19 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
-           law: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
+           pmf: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
     """One sample of a run again, with every level that it touched."""
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
     options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
-                       law=_law(_problem(problem), law, estimator), base_level=base_level, block=block)
+                       pmf=_pmf(_problem(problem), pmf, estimator), base_level=base_level, block=block)
     return Report(*_debias.replay(problem, options, None))
 
 
 def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Seed = 1,
            threads: Number = 0, progress: Progress = None) -> Report:
-    """Measures the levels: how differences decay, how work grows, and whether a law exists."""
+    """Measures the levels: how differences decay, how work grows, and whether a PMF exists."""
     options = _options(levels=levels, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
         return Report(*_debias.survey(_problem(problem), options, bar))
@@ -458,7 +458,7 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
              samples: Number = 100_000, seed: Seed = 1, threads: Number = 0, estimator: Optional[str] = None,
              base_level: Optional[Number] = None, block: Optional[Number] = None,
              progress: Progress = None) -> Report:
-    """Sweeps the law through its family: variance against work; ['points'] has a row for each law."""
+    """Sweeps the PMF through its family: variance against work; ['points'] has a row for each pmf."""
     options = _options(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads,
                        estimator=estimator, base_level=base_level, block=block)
     with _Bar(progress) as bar:
@@ -469,9 +469,9 @@ def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, se
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
            relative_error: Optional[Number] = None, time: Optional[Number] = None,
            progress: Progress = None) -> Report:
-    """What a pilot would choose: base level, law and strata, and what they are worth."""
+    """What a pilot would choose: base level, PMF and strata, and what they are worth."""
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
-                       error=error, relative_error=relative_error, time=time, law="auto")
+                       error=error, relative_error=relative_error, time=time, pmf="auto")
     with _Bar(progress) as bar:
         return Report(*_debias.recipe(_problem(problem), options, bar))
 
@@ -531,8 +531,8 @@ def estimators() -> list:
     return _debias.estimators()
 
 
-def laws() -> list:
-    return _debias.laws()
+def pmfs() -> list:
+    return _debias.pmfs()
 
 
 # ---- problems of one's own
@@ -561,9 +561,9 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     dimension    uniforms of a draw, or a function of the level; 2 ** level, say
     work         of a draw, likewise; its dimension where it is not given
     rates        (beta, gamma): E D_k^2 falls like 2^(-beta k), work grows like 2^(gamma k); k^-beta and k^gamma if
-                 `polynomial`. Without rates a pilot chooses the law.
+                 `polynomial`. Without rates a pilot chooses the PMF.
     deepest_level   the last level that can be drawn, where it is not the one with 2 ** 24 uniforms: a run that is likely
-                 to need a deeper one is refused before it starts, with a law or a number of samples that can be drawn
+                 to need a deeper one is refused before it starts, with a PMF or a number of samples that can be drawn
 
     The function is called once for each level and block of 65536 samples, on the thread that called `estimate`.
     """

@@ -122,7 +122,7 @@ def survey(report: Report, *, axes: Any = None) -> Any:
 
 
 def tradeoff(report: Report, *, ax: Any = None) -> Any:
-    """Variance x work against the exponent of the law, with the regions where one of them is infinite."""
+    """Variance x work against the exponent of the PMF, with the regions where one of them is infinite."""
     points = report["points"]
     ax = _ax(ax)
     x = np.array([p["exponent"] for p in points], dtype=float)
@@ -150,14 +150,14 @@ def tradeoff(report: Report, *, ax: Any = None) -> Any:
                 label="a run, not to be trusted")
     sure = predicted[finite & np.isfinite(predicted)]
     least = sure.min() if sure.size else 0.0
-    for name, colour, dash, label in (("optimum", GREEN, "--", "best of all laws"),
+    for name, colour, dash, label in (("optimum", GREEN, "--", "best of all PMFs"),
                                       ("bound", BLACK, ":", "bound where draws share nothing")):
         value = report[name] or 0.0
-        if value > 1e-3 * least:  # a law without any variance is off the map
+        if value > 1e-3 * least:  # a PMF without any variance is off the map
             ax.axhline(value, color=colour, linestyle=dash, linewidth=1.3, label=label)
             least = min(least, value)
     if report["best"]:
-        best = [p["law"] for p in points].index(report["best"])
+        best = [p["pmf"] for p in points].index(report["best"])
         ax.plot(x[best], predicted[best], "*", color=RED, markersize=14, zorder=5,
                 label=f"best of the family\n{_short(report['best'])}")
     ax.set_yscale("log")
@@ -165,9 +165,9 @@ def tradeoff(report: Report, *, ax: Any = None) -> Any:
     if sure.size:  # beyond, predictions grow without bound
         ax.set_ylim(0.5 * least, 30 * sure.max())
     polynomial = report["rates"]["kind"] == "polynomial"
-    return _finish(ax, f"{report['problem']}: which law?",
-                   r"exponent $\rho$ of the law, $p_k \sim k^{-\rho}$" if polynomial else
-                   r"exponent $\rho$ of the law, $p_k \sim 2^{-\rho k}$", "variance × work of a sample")
+    return _finish(ax, f"{report['problem']}: which PMF?",
+                   r"exponent $\rho$ of the PMF, $p_k \sim k^{-\rho}$" if polynomial else
+                   r"exponent $\rho$ of the PMF, $p_k \sim 2^{-\rho k}$", "variance × work of a sample")
 
 
 def _short(spec: str) -> str:
