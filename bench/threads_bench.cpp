@@ -72,7 +72,7 @@ void threads(benchmark::State& state, const char* problem, catalog::Choice choic
   }
   if (one.components[0].mean != two.components[0].mean) state.SkipWithError("other bits on two threads");
   state.counters["tail_of_work"] =
-      even ? std::numeric_limits<double>::infinity() : choice.pmf.tail_exponent().exponent / p.rates.work;
+      even ? std::numeric_limits<double>::infinity() : choice.pmf.tail_exponent().exponent / p.rates.work_growth;
   const std::vector<double> chunks = chunk_seconds(p, choice, samples);
   state.counters["chunks"] = static_cast<double>(chunks.size());
   state.counters["speedup_by_chunks"] = speedup_by(chunks, 2);

@@ -22,18 +22,18 @@ double exponent_beside(const Rates& rates, const TailExponent& pmf) {
 
 // E|Z|^q = sum p E|D|^q p^(-q) is finite iff q < 1 / xi.
 double tail_index(const Rates& rates, double rho) {
-  if (std::isinf(rates.variance)) return 0;
+  if (std::isinf(rates.variance_decay)) return 0;
   if (std::isinf(rho)) return 1;  // the limit of both formulas
-  const double half = rates.variance / 2;
+  const double half = rates.variance_decay / 2;
   const double xi = rates.decay == Decay::geometric ? 1 - half / rho : (rho - half) / (rho - 1);
   return rho > 0 ? std::max(0.0, xi) : 0.0;
 }
 
 // P(work > t) ~ t^(-1/index).
 double work_tail_index(const Rates& rates, double rho) {
-  if (rates.work <= 0 || std::isinf(rho)) return 0;
+  if (rates.work_growth <= 0 || std::isinf(rho)) return 0;
   const double steepness = rates.decay == Decay::geometric ? rho : rho - 1;
-  return steepness > 0 ? rates.work / steepness : std::numeric_limits<double>::infinity();
+  return steepness > 0 ? rates.work_growth / steepness : std::numeric_limits<double>::infinity();
 }
 
 constexpr double confidence_of_rates = 2;  // standard errors
@@ -72,25 +72,25 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& pmf) {
   const bool polynomial = rates.decay == Decay::polynomial;
   const double step = polynomial ? 1 : 0;
   MeasuredVerdict v;
-  v.variance = finite_below(rho, measured.variance.value - step, measured.variance.error);
-  v.fourth_moment = finite_below(3 * rho, measured.fourth.value - step, measured.fourth.error);
+  v.variance = finite_below(rho, measured.variance_decay.value - step, measured.variance_decay.error);
+  v.fourth_moment = finite_below(3 * rho, measured.fourth_decay.value - step, measured.fourth_decay.error);
   const bool decided = measured.kind != RateKind::super_exponential || std::isfinite(rho);
   if (!decided) v.variance = Finiteness::undecided;
   if (v.variance != Finiteness::finite) v.fourth_moment = v.variance;
   // A power law beside work that does not grow: every depth is paid for.
-  const bool flat = !polynomial && measured.work.value <= confidence_of_rates * measured.work.error;
+  const bool flat = !polynomial && measured.work_growth.value <= confidence_of_rates * measured.work_growth.error;
   v.work = flat && pmf.decay == Decay::polynomial
                ? Finiteness::finite
-               : opposite(finite_below(rho, measured.work.value + step, measured.work.error));
+               : opposite(finite_below(rho, measured.work_growth.value + step, measured.work_growth.error));
   v.tail_index = tail_index(rates, rho);
-  if (std::isfinite(rates.variance) && std::isfinite(rho) && rho > step) {
-    v.error = measured.variance.error / 2 / (rho - step);
+  if (std::isfinite(rates.variance_decay) && std::isfinite(rho) && rho > step) {
+    v.error = measured.variance_decay.error / 2 / (rho - step);
   }
 
   std::string text = std::string("variance ") + name_of(v.variance) + " (PMF exponent " + exponent_text(rho) +
-                     ", threshold " + with_error_of({measured.variance.value - step, measured.variance.error}) +
+                     ", threshold " + with_error_of({measured.variance_decay.value - step, measured.variance_decay.error}) +
                      "), work " + name_of(v.work) + " (threshold " +
-                     with_error_of({measured.work.value + step, measured.work.error}) + "), tail index " +
+                     with_error_of({measured.work_growth.value + step, measured.work_growth.error}) + "), tail index " +
                      with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
     text += ": the standard error is too small most of the time; take a PMF with a smaller exponent";
@@ -175,13 +175,13 @@ Verdict judge(const Rates& rates, const TailExponent& pmf) {
   const ExponentRange range = finite_exponents(rates);
   const double rho = exponent_beside(rates, pmf);
   Verdict v;
-  v.finite_variance = std::isinf(rates.variance) || rho < range.high;
+  v.finite_variance = std::isinf(rates.variance_decay) || rho < range.high;
   // Beside geometric rates a power law reaches every depth too often, unless the work does not grow.
-  v.finite_work = rho > range.low || (rates.decay == Decay::geometric && rates.work <= 0);
+  v.finite_work = rho > range.low || (rates.decay == Decay::geometric && rates.work_growth <= 0);
   v.tail_index = tail_index(rates, rho);
   v.work_tail_index = work_tail_index(rates, rho);
 
-  v.decided = std::isfinite(rates.variance) || std::isfinite(rho);
+  v.decided = std::isfinite(rates.variance_decay) || std::isfinite(rho);
 
   std::string text;
   const std::string exponent = exponent_text(rho);

@@ -212,7 +212,7 @@ class Driver {
     double most = fastest_rate;
     // Declared: E D_l^2 falls at most twice as fast as E D_l.
     if (runs_.facts.declared && runs_.facts.declared->decay == Decay::geometric) {
-      most = std::max(most, std::min(runs_.facts.declared->variance / 2, 4.0));
+      most = std::max(most, std::min(runs_.facts.declared->variance_decay / 2, 4.0));
     }
     const Line line = fit_line(x, logs, errors);
     return std::clamp(-line.slope - line.slope_error, slowest_rate, most);

@@ -229,8 +229,8 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey) {
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
-  out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean) << ", variance "
-      << rate_text(m.variance) << ", fourth moment " << rate_text(m.fourth) << ", work " << rate_text(m.work) << '\n';
+  out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean_decay) << ", variance "
+      << rate_text(m.variance_decay) << ", fourth moment " << rate_text(m.fourth_decay) << ", work " << rate_text(m.work_growth) << '\n';
   out << "a PMF with finite variance and finite work exists: " << name_of(survey.pmf_exists);
   if (survey.pmf_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
   out << '\n';

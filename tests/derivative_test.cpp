@@ -95,7 +95,7 @@ TEST_CASE("C04: |x|^(3/2) at 0 has the quotients sqrt(h), and their differences 
   const auto s = finite_difference(f, 0.0, {}, {1, 0});
   check_levels(
       s, [](double h) { return std::sqrt(h); }, 1.5, 2);
-  CHECK(s.rates.variance == 1);
+  CHECK(s.rates.variance_decay == 1);
   CHECK(sequence_laws(s, {.last = 16}) == Failures{});
   // the rates of a smooth function would not stand
   CHECK(sequence_laws(finite_difference(f, 0.0), {.last = 16}) != Failures{});
@@ -283,7 +283,7 @@ TEST_CASE("any ratio and Richardson extrapolation have the declared rates", "[de
   const auto check = [&f](const DifferenceOptions& o, std::int64_t last, double beta, std::int64_t from = 2) {
     const auto s = finite_difference(f, 1.0, o);
     INFO("kind " << static_cast<int>(o.kind) << ", ratio " << o.ratio << ", " << o.extrapolations << " extrapolations");
-    CHECK(s.rates.variance == Approx(beta));
+    CHECK(s.rates.variance_decay == Approx(beta));
     CHECK(sequence_laws(s, {.last = last, .rounding = 1e-12, .rates_from = from}) == Failures{});
   };
   check({.ratio = 0.25}, 7, 4);
@@ -322,7 +322,7 @@ TEST_CASE("a jump and noise that is not shared are told from a kink and a smooth
   const auto check = [](const auto& s, double beta, bool helps) {
     const Survey before = survey(s, 10, {.samples = 1 << 14});
     INFO(before);
-    CHECK(std::abs(before.rates.variance.value - beta) < 0.15);
+    CHECK(std::abs(before.rates.variance_decay.value - beta) < 0.15);
     CHECK(before.pmf_exists == (helps ? Answer::yes : Answer::no));
     const auto after = estimate(single_term(s, Geometric(0.5)), {.samples = 1 << 14, .threads = 1});
     INFO(after.bias_bound.sentence);
@@ -472,9 +472,9 @@ TEST_CASE("finite_difference is a sequence that declares the rates of its kind",
   STATIC_REQUIRE(DeclaresRates<S>);
   STATIC_REQUIRE(OffersValueAt<S>);
   STATIC_REQUIRE_FALSE(ParameterFunction<int (*)(double)>);  // an integer is not a Value
-  CHECK(finite_difference(f, 0.0).rates.variance == 2);
-  CHECK(finite_difference(f, 0.0, {.kind = Difference::central}).rates.variance == 4);
-  CHECK(finite_difference(f, 0.0, {.kind = Difference::second}).rates.variance == 4);
+  CHECK(finite_difference(f, 0.0).rates.variance_decay == 2);
+  CHECK(finite_difference(f, 0.0, {.kind = Difference::central}).rates.variance_decay == 4);
+  CHECK(finite_difference(f, 0.0, {.kind = Difference::second}).rates.variance_decay == 4);
 }
 
 // ---- functions without noise: where the bound on the bias is a promise, and where it is none

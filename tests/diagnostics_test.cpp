@@ -58,7 +58,7 @@ TEST_CASE("a sum over levels pays for all of them: a power law needs an exponent
   CHECK_FALSE(judge(sums, power_law(3)).finite_variance);
   CHECK(default_exponent(sums) == Approx(13.0 / 6));
   CHECK_FALSE(pmf_exists(rates_of_sum({3, 0, Decay::polynomial})));
-  CHECK(rates_of_sum({2, 1}).work == 1);
+  CHECK(rates_of_sum({2, 1}).work_growth == 1);
   // the expected number of terms, sum_k P(N >= k): zeta(3/2) / zeta(5/2), or the logarithm of where it is cut
   const auto terms = [](double s, std::int64_t first, std::int64_t last) {
     const Zeta pmf(s);

@@ -276,7 +276,7 @@ TEST_CASE("an awkward value type goes through recipe, survey and multilevel", "[
   CHECK(agrees(debias::estimate(debias::recipe(lab::Sequence{}), plan), 0.5, -0.5));
   const debias::Survey survey = debias::survey(lab::Sequence{}, 5, {.samples = 1024});
   CHECK(survey.rows[0].values.size() == 2);
-  CHECK(std::abs(survey.rates.variance.value - 2) < 0.1);
+  CHECK(std::abs(survey.rates.variance_decay.value - 2) < 0.1);
   CHECK(agrees(debias::multilevel(lab::Sequence{}, 0.02), 0.5, -0.5));
   std::ostringstream out;
   out << result << survey;

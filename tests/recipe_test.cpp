@@ -160,7 +160,7 @@ TEST_CASE("where no PMF has finite variance and finite work a recipe says so and
   REQUIRE(half.sentences.size() == 3);
   // Stable index 2 gamma / (2 gamma - beta) = 4/3, errors like work^-(beta / (2 gamma)) = work^-0.25.
   CHECK_THAT(half.sentences[1], Catch::Contains("stable index 1.3") && Catch::Contains("work^-0.2"));
-  CHECK(half.exponent.exponent > half.survey.rates.work.value);
+  CHECK(half.exponent.exponent > half.survey.rates.work_growth.value);
 }
 
 TEST_CASE("the moments that a survey measured give A10 its known products", "[recipe][statistical]") {
@@ -448,7 +448,7 @@ TEST_CASE("the digital option has no PMF as it is and an honest one when its las
           "[recipe][statistical][stat]") {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const Advice plain = advise(level_runs(Digital{false}), {.samples = 1 << 18, .seed = seed});
-    CAPTURE(seed, name_of(plain.survey.pmf_exists), plain.survey.rates.variance.value);
+    CAPTURE(seed, name_of(plain.survey.pmf_exists), plain.survey.rates.variance_decay.value);
     CHECK(plain.survey.pmf_exists != Answer::yes);
     CHECK_FALSE(plain.usable());
   }

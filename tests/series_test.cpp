@@ -99,11 +99,11 @@ TEST_CASE("the declared rates of series are those of their terms", "[series][law
 }
 
 TEST_CASE("rates of terms: beta = -2 log2|ratio|, 2 s for k^-s, impossible ones are refused", "[series][exact]") {
-  CHECK(geometric_terms(0.25).variance == 4);
-  CHECK(geometric_terms(-0.25).variance == 4);
-  CHECK(geometric_terms(0).variance == Rates::faster_than_any);
-  CHECK(geometric_terms(0.25).work == 0);
-  CHECK(polynomial_terms(2).variance == 4);
+  CHECK(geometric_terms(0.25).variance_decay == 4);
+  CHECK(geometric_terms(-0.25).variance_decay == 4);
+  CHECK(geometric_terms(0).variance_decay == Rates::faster_than_any);
+  CHECK(geometric_terms(0.25).work_growth == 0);
+  CHECK(polynomial_terms(2).variance_decay == 4);
   CHECK(polynomial_terms(2).decay == Decay::polynomial);
   for (const double ratio : {1.0, -1.0, 1.5, std::nan("")}) {
     CHECK_THROWS_AS(geometric_terms(ratio), std::invalid_argument);
@@ -213,16 +213,16 @@ TEST_CASE("pairing an alternating series of terms like 1/k makes a PMF possible"
   CHECK(sequence_laws(RatedSeries(pairs.terms(), s.rates), far) != Failures{});
 
   const auto alternating = paired(series([](std::int64_t k) { return power(-0.5, k); }, geometric_terms(-0.5)));
-  CHECK(alternating.rates.variance == 4);
+  CHECK(alternating.rates.variance_decay == 4);
   CHECK(sequence_laws(alternating, terms_up_to(8)) == Failures{});
-  CHECK(paired(series(factorials, factorial_terms)).rates.variance == Rates::faster_than_any);
+  CHECK(paired(series(factorials, factorial_terms)).rates.variance_decay == Rates::faster_than_any);
 }
 
 TEST_CASE("the noise of random terms does not cancel in pairs", "[series][law]") {
   const auto noisy = [](std::int64_t k, Stream& rng) { return leibniz(k) * (0.5 + rng.uniform()); };
   const auto s = series(noisy, polynomial_terms(1));
   const auto pairs = paired(s);
-  CHECK(pairs.rates.variance == 2);
+  CHECK(pairs.rates.variance_decay == 2);
   SequenceLawOptions far = terms_up_to(24);
   far.rates_from = 8;
   CHECK(sequence_laws(pairs, far) == Failures{});
@@ -304,10 +304,10 @@ TEST_CASE("unit blocks of a polynomial decay under a geometric PMF have infinite
   const Survey seen_blocks = survey(dyadic, 14, {.samples = 64, .threads = 1});
   INFO(seen_units << seen_blocks);
   CHECK(seen_units.rates.kind == RateKind::polynomial);
-  CHECK(std::abs(seen_units.rates.variance.value - 4) < 0.15);
+  CHECK(std::abs(seen_units.rates.variance_decay.value - 4) < 0.15);
   CHECK(judge(seen_units.rates, geometric).variance == Finiteness::infinite);
   CHECK(seen_blocks.rates.kind == RateKind::geometric);
-  CHECK(std::abs(seen_blocks.rates.variance.value - 2) < 0.15);
+  CHECK(std::abs(seen_blocks.rates.variance_decay.value - 2) < 0.15);
   CHECK(judge(seen_blocks.rates, geometric).variance == Finiteness::finite);
   // both are unbiased under a PMF of their own
   const double truth = pi * pi / 6;

@@ -290,9 +290,9 @@ TEST_CASE("the state is what a step returns, of any copyable type", "[steady_sta
 }
 
 TEST_CASE("contraction declares -2 log2 c and refuses what does not contract", "[steady_state][exact]") {
-  CHECK(contraction(0.25).variance == 4);
-  CHECK(contraction(0.25).work == 0);
-  CHECK(contraction(0).variance == Rates::faster_than_any);
+  CHECK(contraction(0.25).variance_decay == 4);
+  CHECK(contraction(0.25).work_growth == 0);
+  CHECK(contraction(0).variance_decay == Rates::faster_than_any);
   CHECK(pmf_exists(contraction(0.999)));
   for (const double c : {1.0, -0.5, 2.0, std::nan("")}) CHECK_THROWS_AS(contraction(c), std::invalid_argument);
 }

@@ -175,7 +175,7 @@ class FiniteDifference {
   /// infinite if that does not fall, or if the levels do not: those of the run or, of an f without noise, which
   /// is evaluated once more, all of them. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
-    const double fall = rates.variance / 2;
+    const double fall = rates.variance_decay / 2;
     double truncation = 0;
     bool seen = false;
     bool finite = true;
@@ -206,7 +206,7 @@ class FiniteDifference {
     } else if (!finite) {
       text += ", since the differences are not finite";
     } else {
-      text += " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance) + " k)";
+      text += " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance_decay) + " k)";
     }
     text += ", rounding " + detail::format("%g", rounding) + " if f is good to one unit in the last place";
     return {truncation + rounding, text};
@@ -254,7 +254,7 @@ class FiniteDifference {
     const auto rise = [&last](const Moment& m) { return last.log_square - m.log_square; };
     const auto error = [&last](const Moment& m) { return 2 * std::sqrt(m.variance + last.variance); };
     // An eighth of the declared rate is nothing that a kink explains.
-    const double least_fall = std::min(rates.variance, 16.0) / 8 * std::log(2.0);
+    const double least_fall = std::min(rates.variance_decay, 16.0) / 8 * std::log(2.0);
     const bool grows = rise(first) > error(first) && !(-rise(highest) > error(highest));
     const bool stays = rise(highest) > error(highest) - least_fall * static_cast<double>(last.level - highest.level);
     if (!grows && !stays) return {};
@@ -293,7 +293,7 @@ class FiniteDifference {
     const std::int64_t early = largest(last - span - 2, last - span);
     const double before = sizes[static_cast<std::size_t>(early)];
     const double after = sizes[static_cast<std::size_t>(late)];
-    const double needed = share_of_rate * std::min(rates.variance / 2, 16.0) * static_cast<double>(late - early);
+    const double needed = share_of_rate * std::min(rates.variance_decay / 2, 16.0) * static_cast<double>(late - early);
     if (after * std::exp2(needed) <= before) return {};
     return std::string("the differences ") + (after > before ? "grow" : "do not fall as declared") +
            " (|D_k| = " + detail::format("%g", before) + " at level " + std::to_string(early) + ", " +
@@ -420,7 +420,7 @@ class FiniteDifference {
     if (!(size_ > 0)) return std::numeric_limits<std::int64_t>::max();
     const double power = is_second() ? 2 : 1;
     const double first = (change_ > 0 ? change_ : size_) / std::pow(options_.first_step, power);
-    const double meet = std::min(rates.variance / 2, 26.0) - power * std::log2(options_.ratio);
+    const double meet = std::min(rates.variance_decay / 2, 26.0) - power * std::log2(options_.ratio);
     if (!(meet > 0)) return std::numeric_limits<std::int64_t>::max();
     const double level = std::log2(first / rounding_error(0)) / meet;
     if (!(level < 4000)) return 4000;  // a NaN, too: the first numbers of f are none

@@ -47,7 +47,7 @@ Verdict judge(const Rates& rates, const TailExponent& pmf);
 /// the work up to the last level: finite iff rho > gamma + 2. The variance, with differences of one sign, is finite where
 /// that of a single term is. Geometric rates are the same for both.
 inline Rates rates_of_sum(Rates rates) {
-  if (rates.decay == Decay::polynomial) rates.work += 1;
+  if (rates.decay == Decay::polynomial) rates.work_growth += 1;
   return rates;
 }
 

@@ -220,9 +220,9 @@ auto paired(const RatedSeries<T>& s) {
   using Pair = detail::PairOfTerms<T>;
   Rates rates = s.rates;
   if (rates.decay == Decay::geometric) {
-    rates.variance *= 2;
+    rates.variance_decay *= 2;
   } else if (!detail::RandomTerm<T>) {
-    rates.variance += 2;
+    rates.variance_decay += 2;
   }
   return RatedSeries<Pair>(Pair{s.terms()}, rates, 2 * s.work_per_term());
 }
@@ -294,7 +294,7 @@ Blocks<T> blocks(const Series<T>& s, const Rates& rates) {
 template <SeriesTerm T>
 Blocks<T> blocks(const RatedSeries<T>& s) {
   if (s.rates.decay == Decay::geometric) return {s, Rates{Rates::faster_than_any, 1}};
-  return {s, Rates{s.rates.variance - 2, 1}};
+  return {s, Rates{s.rates.variance_decay - 2, 1}};
 }
 
 namespace detail {

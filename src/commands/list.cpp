@@ -15,7 +15,7 @@ std::string power(double exponent, Decay decay) {
 }
 
 std::string variance_text(const Rates& rates) {
-  return std::isinf(rates.variance) ? "faster than any rate" : power(-rates.variance, rates.decay);
+  return std::isinf(rates.variance_decay) ? "faster than any rate" : power(-rates.variance_decay, rates.decay);
 }
 
 Row header(const catalog::Problem&) { return {"id", "name", "module", "variance", "work", "pmf", "truth", "source"}; }
@@ -24,22 +24,22 @@ Row row(const catalog::Problem& p) {
           p.name,
           p.module,
           variance_text(p.rates),
-          power(p.rates.work, p.rates.decay),
+          power(p.rates.work_growth, p.rates.decay),
           pmf_exists(p.rates) ? catalog::default_pmf(p).spec() : "none",
           rounded(p.truth, 10),
           p.formula};
 }
 Fields describe(const catalog::Problem& p) {
-  const bool faster = std::isinf(p.rates.variance);
+  const bool faster = std::isinf(p.rates.variance_decay);
   return {{"id", p.id},
           {"name", p.name},
           {"module", p.module},
           {"truth", p.truth},
-          {"variance_rate", p.rates.variance},
+          {"variance_rate", p.rates.variance_decay},
           {"variance_decay", faster                              ? "faster"
                              : p.rates.decay == Decay::geometric ? "geometric"
                                                                  : "polynomial"},
-          {"work_rate", p.rates.work},
+          {"work_rate", p.rates.work_growth},
           {"pmf_exists", pmf_exists(p.rates)},
           {"source", p.formula}};
 }

@@ -26,7 +26,7 @@ Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choic
     }
     return v;
   }
-  if (std::isnan(problem.rates.variance)) return v;  // nothing is declared
+  if (std::isnan(problem.rates.variance_decay)) return v;  // nothing is declared
   if (choice.method != catalog::Method::truncated) {
     return judge(rates_of(problem, choice.method), choice.pmf.tail_exponent());
   }

@@ -385,7 +385,7 @@ PYBIND11_MODULE(_debias, m) {
       .def_readonly("components", &UserProblem::components)
       .def_property_readonly("name", [](const UserProblem& u) { return u.problem.name; })
       .def_property_readonly("declares_rates",
-                             [](const UserProblem& u) { return !std::isnan(u.problem.rates.variance); });
+                             [](const UserProblem& u) { return !std::isnan(u.problem.rates.variance_decay); });
   m.def("levels",
         [](const py::dict& facts, const py::function& answer, const py::function& size, std::size_t components) {
           return translated([&] { return levels_problem(facts_of(facts), lookups_of(answer, size), components); });

@@ -259,7 +259,7 @@ struct CubeDraw {
   double operator()(Stream& rng) const { return f(rng); }
 };
 
-Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance) ? usual : rates; }
+Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance_decay) ? usual : rates; }
 
 }  // namespace
 

@@ -251,7 +251,7 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
   }
   // R3: declared rates hold in the limit.
   double narrowing = 1;
-  if (declared && std::isfinite(declared->variance)) {
+  if (declared && std::isfinite(declared->variance_decay)) {
     const bool polynomial = declared->decay == Decay::polynomial;
     double mean = 0;
     double square = 0;
@@ -269,14 +269,14 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
       const double free = polynomial ? 1 / octaves_seen : 1 / levels;
       const double spread = std::max(0.0, square / n - mean * mean) + 0.01;
       const double error = std::sqrt(spread + drift / n + free * free);
-      if (std::abs(mean - declared->variance) > contradiction_z * std::sqrt(spread) + contradiction_slack &&
-          std::abs(mean - declared->variance) > contradiction_z * error) {
-        contradiction = Contradiction{declared->variance, mean, error};
+      if (std::abs(mean - declared->variance_decay) > contradiction_z * std::sqrt(spread) + contradiction_slack &&
+          std::abs(mean - declared->variance_decay) > contradiction_z * error) {
+        contradiction = Contradiction{declared->variance_decay, mean, error};
       } else {
         narrowing = declared_drift;
         const double own = 1 / spread;
         const double stated = 1 / (declared_error * declared_error);
-        const double centre = (own * mean + stated * declared->variance) / (own + stated);
+        const double centre = (own * mean + stated * declared->variance_decay) / (own + stated);
         const double shrink = std::sqrt(own / (own + stated));
         for (std::size_t i = 0; i < courses.size(); ++i) {
           if (courses[i].polynomial != polynomial) continue;

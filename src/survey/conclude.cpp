@@ -214,7 +214,7 @@ class Conclusion {
 
   void faster_than_any() {
     constexpr double infinity = Rates::faster_than_any;
-    survey_.rates.mean = survey_.rates.variance = survey_.rates.fourth = {infinity, 0};
+    survey_.rates.mean_decay = survey_.rates.variance_decay = survey_.rates.fourth_decay = {infinity, 0};
   }
 
   // Levels whose moments are known, large enough to matter, and not yet drowned in rounding.
@@ -248,7 +248,7 @@ class Conclusion {
     f.usable = usable_rows(floor);
     f.geometric = second_moments(survey_.rows, f.usable, Decay::geometric).fit();
     // Decays like powers of the level beside work like powers of 2 would be new under the sun.
-    if (!(survey_.rates.work.value > 0.5)) {
+    if (!(survey_.rates.work_growth.value > 0.5)) {
       f.polynomial = second_moments(survey_.rows, f.usable, Decay::polynomial).fit();
     }
     return f;
@@ -273,7 +273,7 @@ class Conclusion {
     if (!g && !p) g = scattered(usable);
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-      r.mean = r.variance = r.fourth = {nan, 0};
+      r.mean_decay = r.variance_decay = r.fourth_decay = {nan, 0};
       remark("cannot tell the rates yet: " + std::to_string(usable.size()) +
              " levels with enough draws for their kurtosis, no " + std::to_string(fewest_levels) +
              " of them on a line; survey more levels, or more draws");
@@ -286,7 +286,7 @@ class Conclusion {
     const RateFit& fit = is_polynomial ? *p : *g;
     std::vector<std::size_t> fitted(usable.begin() + static_cast<std::ptrdiff_t>(fit.first), usable.end());
     for (const std::size_t i : fitted) rows[i].fitted = true;
-    r.variance = {-fit.line.slope, fit.error};
+    r.variance_decay = {-fit.line.slope, fit.error};
 
     Points fourth;
     Points mean;
@@ -298,11 +298,11 @@ class Conclusion {
       if (share < 1.0 / 3) mean.add(abscissa(row, decay), std::abs(row.difference), share / std::log(2.0), i);
     }
     const Line line4 = fit_line(fourth.x, fourth.y, fourth.errors);
-    r.fourth = {-line4.slope, line4.slope_error};
+    r.fourth_decay = {-line4.slope, line4.slope_error};
     if (const auto m = mean.fit()) {
-      r.mean = {-m->line.slope, m->error};
+      r.mean_decay = {-m->line.slope, m->error};
     } else {
-      r.mean = {std::numeric_limits<double>::quiet_NaN(), 0};
+      r.mean_decay = {std::numeric_limits<double>::quiet_NaN(), 0};
     }
     work_rate(decay);
     pre_asymptotic(fitted.front());
@@ -355,13 +355,13 @@ class Conclusion {
     };
     const bool is_polynomial = p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
     if (decay == Decay::geometric && is_polynomial) {
-      survey_.rates.work = {0, 0};  // no power of 2 at all
+      survey_.rates.work_growth = {0, 0};  // no power of 2 at all
     } else if (decay == Decay::polynomial && is_polynomial) {
-      survey_.rates.work = {p->line.slope, p->error};
+      survey_.rates.work_growth = {p->line.slope, p->error};
     } else if (g) {
-      survey_.rates.work = {g->line.slope, g->error};
+      survey_.rates.work_growth = {g->line.slope, g->error};
     } else {
-      survey_.rates.work = {std::numeric_limits<double>::quiet_NaN(), 0};
+      survey_.rates.work_growth = {std::numeric_limits<double>::quiet_NaN(), 0};
     }
   }
 

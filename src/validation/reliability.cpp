@@ -415,7 +415,7 @@ class Measurement {
 }  // namespace
 
 AnyPmf pmf_with_tail_index(const Problem& problem, double index) {
-  return AnyPmf(Geometric::with_exponent(problem.rates.variance / (2 * (1 - index))));
+  return AnyPmf(Geometric::with_exponent(problem.rates.variance_decay / (2 * (1 - index))));
 }
 
 double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }

@@ -82,7 +82,7 @@ TEST_CASE("52 problems have their stated rates within 0.15", "[catalog][survey][
     const Survey measured = survey(find(s.id).levels, 10, {.samples = 8192, .seed = 3});
     INFO(s.id << ", stated " << s.variance << ", work " << s.work << '\n' << measured);
     CHECK(measured.rates.kind == RateKind::geometric);
-    CHECK(std::abs(measured.rates.variance.value - s.variance) < 0.15);
-    CHECK(std::abs(measured.rates.work.value - s.work) < 0.15);
+    CHECK(std::abs(measured.rates.variance_decay.value - s.variance) < 0.15);
+    CHECK(std::abs(measured.rates.work_growth.value - s.work) < 0.15);
   }
 }

@@ -163,7 +163,7 @@ TEST_CASE("a limit that nobody states is still a failure of that sample, and say
   }
   const auto stated = with_deepest_level(Silent{}, 3);
   CHECK(stated.deepest_level() == 3);
-  CHECK(stated.rates.variance == 2);
+  CHECK(stated.rates.variance_decay == 2);
   CHECK_THAT(refusal_of([&] { estimate(single_term(stated), {.samples = 10'000}); }), Contains("a level beyond 3"));
   const auto lambda = with_deepest_level([](std::int64_t level, Stream& rng) { return Halving{3}(level, rng); }, 3);
   CHECK_THAT(refusal_of([&] { estimate(single_term(lambda, Geometric(0.5)), {.samples = 100}); }),

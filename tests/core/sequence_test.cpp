@@ -161,11 +161,11 @@ TEST_CASE("levels_of declares the rates of the terms, the walk counted where the
           "[core][sequence][exact]") {
   const auto geometric = levels_of(RatedHalves{});
   STATIC_REQUIRE(DeclaresRates<decltype(geometric)>);
-  CHECK(geometric.rates.variance == 2);
-  CHECK(geometric.rates.work == 0);
+  CHECK(geometric.rates.variance_decay == 2);
+  CHECK(geometric.rates.work_growth == 0);
   CHECK(geometric.rates.decay == Decay::geometric);
   const auto polynomial = levels_of(RatedSquares{});
-  CHECK(polynomial.rates.variance == 4);
-  CHECK(polynomial.rates.work == 1);
+  CHECK(polynomial.rates.variance_decay == 4);
+  CHECK(polynomial.rates.work_growth == 1);
   CHECK(polynomial.rates.decay == Decay::polynomial);
 }

@@ -31,7 +31,7 @@ struct LabelledCase {
     if (!pmf.empty()) return AnyPmf::parse(pmf);
     const catalog::Problem& p = catalog::find(problem);
     if (!rare) return validation::pmf_with_tail_index(p, index);
-    return AnyPmf(Geometric::with_exponent(p.rates.variance * index / (1 - index)));
+    return AnyPmf(Geometric::with_exponent(p.rates.variance_decay * index / (1 - index)));
   }
   [[nodiscard]] Statistics run(std::int64_t samples, std::uint64_t seed) const {
     const catalog::Problem& p = catalog::find(problem);

@@ -45,7 +45,7 @@ TEST_CASE("roulette is unbiased and honest on series with noise, without, and wi
 }
 
 TEST_CASE("roulette takes the PMF of the declared rates, and refuses a negative base level", "[roulette][exact]") {
-  CHECK(roulette(RatedTerms{}).pmf().tail_exponent().exponent == Approx(RatedTerms::rates.variance / 2));
+  CHECK(roulette(RatedTerms{}).pmf().tail_exponent().exponent == Approx(RatedTerms::rates.variance_decay / 2));
   CHECK(roulette(RatedTerms{}, pmf, {.base_level = 2}).describe() == "roulette, geometric:r=0.55, base level 2");
   CHECK_THROWS_WITH(roulette(RatedTerms{}, pmf, {.base_level = -1}),
                     Catch::Contains("base_level = -1") && Catch::Contains("roulette"));

@@ -360,10 +360,10 @@ class SequenceLaws {
       squares.push_back(square);
     }
     if (x.size() < 3) return fail("rates: fewer than three levels to fit, raise `last`");
-    slope("work", x, work, rates.work, options_.work_tolerance);
+    slope("work", x, work, rates.work_growth, options_.work_tolerance);
     if (x_above.size() < 3) return;  // zero, or down to rounding within a few levels
-    if (rates.variance < Rates::faster_than_any) {
-      return slope("E D_k^2", x_above, squares, -rates.variance, options_.variance_tolerance);
+    if (rates.variance_decay < Rates::faster_than_any) {
+      return slope("E D_k^2", x_above, squares, -rates.variance_decay, options_.variance_tolerance);
     }
     const std::size_t middle = x_above.size() / 2;
     const auto fall = [&](std::size_t i, std::size_t j) {

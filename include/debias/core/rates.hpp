@@ -7,7 +7,7 @@
 //   polynomial:  E D_k^2 ~ k^(-beta),    work_k ~ k^gamma,      p_k ~ k^(-rho)
 //                variance finite iff rho < beta - 1, work finite iff rho > gamma + 1, best rho as above
 //
-//   Notation: beta = Rates::variance, gamma = Rates::work, rho = TailExponent::exponent.
+//   Notation: beta = Rates::variance_decay, gamma = Rates::work_growth, rho = TailExponent::exponent.
 //   The fourth moment needs sum E D_k^4 / p_k^3 < infinity; with E D^4 ~ (E D^2)^2, 3 rho < 2 beta (geometric).
 // Assumes exact power laws from some level on. Kinks and rare events break E D^4 ~ (E D^2)^2 and with it the
 // statement on the fourth moment, not the one on the variance.
@@ -20,11 +20,11 @@ namespace debias {
 /// How a quantity depends on the level k: 2^(-+ exponent k), or k^(-+ exponent).
 enum class Decay { geometric, polynomial };
 
-/// beta and gamma of a sequence. An infinite `variance` stands for differences that are zero or fall faster
+/// beta and gamma of a sequence. An infinite `variance_decay` stands for differences that are zero or fall faster
 /// than any such rate.
 struct Rates {
-  double variance;
-  double work;
+  double variance_decay;
+  double work_growth;
   Decay decay = Decay::geometric;
 
   static constexpr double faster_than_any = std::numeric_limits<double>::infinity();
@@ -41,18 +41,18 @@ struct FittedRate {
 };
 
 /// Rates as measured from the moments of levels, in the unit of `kind`: 2^(-value k), or k^(-value). Where the
-/// differences are exactly zero, or fall faster than any power, mean, variance and fourth are infinite.
+/// differences are exactly zero, or fall faster than any power, the decays are infinite.
 struct MeasuredRates {
   RateKind kind = RateKind::geometric;
-  FittedRate mean;      ///< alpha: |E D_k| ~ 2^(-alpha k)
-  FittedRate variance;  ///< beta: E D_k^2 ~ 2^(-beta k)
-  FittedRate fourth;    ///< beta4: E D_k^4 ~ 2^(-beta4 k); 2 beta unless rare events carry the differences
-  FittedRate work;      ///< gamma: work_k ~ 2^(+gamma k)
+  FittedRate mean_decay;      ///< alpha: |E D_k| ~ 2^(-alpha k)
+  FittedRate variance_decay;  ///< beta: E D_k^2 ~ 2^(-beta k)
+  FittedRate fourth_decay;    ///< beta4: E D_k^4 ~ 2^(-beta4 k); 2 beta unless rare events carry the differences
+  FittedRate work_growth;     ///< gamma: work_k ~ 2^(+gamma k)
 };
 
 /// The rates without their errors.
 inline Rates rates_of(const MeasuredRates& m) {
-  return {m.variance.value, m.work.value, m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
+  return {m.variance_decay.value, m.work_growth.value, m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
 }
 
 /// rho of a PMF: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.

@@ -264,7 +264,7 @@ requires DeclaresRates<S>
 class RatedLevelsOf : public LevelsOf<S> {
  public:
   explicit RatedLevelsOf(S terms) : LevelsOf<S>(terms), rates(terms.rates) {
-    if (rates.decay == Decay::polynomial) rates.work += 1;
+    if (rates.decay == Decay::polynomial) rates.work_growth += 1;
   }
   Rates rates;
 };
