@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <stdexcept>
+#include <string>
 
 #include <debias/core/instructions.hpp>
 #include <debias/core/stream_batch.hpp>
@@ -255,7 +257,23 @@ void normal_quantiles(std::span<double> numbers) {
   }
 }
 
+Stream::Block Stream::point_block(std::uint64_t own_key, std::uint64_t position) {
+  const std::uint64_t r = (position & ~point_mark) >> point_shift;
+  // point_key is its own inverse, for it is an exclusive or.
+  const auto bits = net_bits_of_pair(point_key(own_key, r), r, (position & dimension_mask) >> 1);
+  return {{bits[0], bits[1]}};
+}
+
+void Stream::refuse_point(std::uint64_t r) {
+  throw std::length_error("net: point " + std::to_string(r) + " (a net has " + std::to_string(net_points) +
+                          " points); take smaller blocks, and more of them");
+}
+
 void Stream::fill(std::span<double> uniforms) {
+  if (is_point()) {
+    for (double& u : uniforms) u = uniform();
+    return;
+  }
   if (!uniforms.empty() && (position_ & 1) != 0) {
     uniforms.front() = uniform();
     uniforms = uniforms.subspan(1);
@@ -283,6 +301,13 @@ void Stream::fill(std::span<double> uniforms) {
 
 void StreamBatch::uniforms(std::span<double> out) {
   assert(out.size() % size_ == 0);
+  if (net_.any && position_ < net_dimensions) {
+    const std::size_t netted = std::min<std::size_t>(out.size() / size_, net_dimensions - position_);
+    net_uniforms(net_.key, net_.first, size_, position_, out.first(netted * size_));
+    position_ += netted;
+    out = out.subspan(netted * size_);
+    if (out.empty()) return;
+  }
   const std::size_t rows = out.size() / size_;
   const bool stratified = position_ == 0 && strata_ > 1 && rows > 0;
   bool done = false;
@@ -293,7 +318,8 @@ void StreamBatch::uniforms(std::span<double> out) {
   }
 #endif
   if (!done && size_ == 1) {
-    Stream rng = stream(0);
+    Stream rng(keys_[0], index_);
+    rng.seek(position_);
     rng.fill(out);
   } else if (!done) {
     const auto skipped = static_cast<std::size_t>(position_ % 2);  // a block whose first number has been drawn

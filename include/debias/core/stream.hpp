@@ -6,7 +6,10 @@
 //   uniform        = (bits >> 12 + 1/2) 2^-52, an odd multiple of 2^-53 in (0, 1), never 0 or 1
 //   key            = seed at the root; key(child) = mix(key(parent), branch)
 //
-// Assumptions: a run draws fewer than 2^64 numbers per stream; keys of different branches are hashes, so two
+// A stream may be a point of a scrambled net instead, `rng.point(r)`: its numbers are then the coordinates of the point in the
+// order in which they are drawn, plain ones beyond the table; its splits are plain and depend on the point (core/points.hpp).
+//
+// Assumptions: a run draws fewer than 2^63 numbers per stream, 2^36 per point; keys of different branches are hashes, so two
 // of n branches share a stream with probability n^2 / 2^65. Probabilities are resolved to 2^-52: an event
 // rarer than that never happens, which shifts a mean by less than any standard error one can afford.
 // The layout carries a version number and changes only with a major version of the library.
@@ -20,6 +23,8 @@
 #include <type_traits>
 
 #include <Random123/philox.h>
+
+#include <debias/core/points.hpp>
 
 #ifdef __FAST_MATH__
 #error "debias: -ffast-math deletes the checks for non-finite samples; build without it"
@@ -100,13 +105,46 @@ class Stream {
   /// An independent stream; it does not depend on how much of this one has been used.
   [[nodiscard]] Stream split(std::uint64_t branch) const { return Stream(mix(key_, branch), index_); }
 
+  /// Point r of the scrambled net that this stream names, whatever has been drawn from it. Each point alone is as random as
+  /// any stream; points r = 0 ... 2^m - 1 together fill the cube evenly. Number t of a point is its coordinate t: draw what
+  /// matters most first. A callable whose count of numbers varies (rejection, std::gamma_distribution) keeps its mean and
+  /// loses the gain. The points of a point are those of another net for each.
+  /// Throws std::length_error for r >= net_points.
+  [[nodiscard]] Stream point(std::uint64_t r) const {
+    if (r >= net_points) [[unlikely]]
+      refuse_point(r);
+    Stream s(point_key(net_key(key_, index_), r), index_);
+    s.position_ = point_mark | (r << point_shift);
+    return s;
+  }
+
+  /// Whether this is a point of a net.
+  [[nodiscard]] bool is_point() const { return (position_ & point_mark) != 0; }
+
   /// The absolute index of the sample that this stream belongs to.
   [[nodiscard]] std::uint64_t index() const { return index_; }
 
  private:
   friend class StreamBatch;
 
-  [[gnu::always_inline]] void refill() { block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}}); }
+  using Block = r123::Philox2x64::ctr_type;
+
+  // The position of a point: a mark, the point, its dimension. The mark is the sign, which costs plain numbers least.
+  static constexpr std::uint64_t point_mark = std::uint64_t{1} << 63;
+  static constexpr int point_shift = 36;
+  static constexpr std::uint64_t dimension_mask = (std::uint64_t{1} << point_shift) - 1;
+  static_assert(net_points == point_mark >> point_shift);
+
+  [[gnu::always_inline]] void refill() {
+    if (static_cast<std::int64_t>(position_) < 0) [[unlikely]] {
+      block_ = point_block(key_, position_);
+    } else {
+      block_ = r123::Philox2x64()({{position_ >> 1, index_}}, {{key_}});
+    }
+  }
+  // By value: a stream whose address is known elsewhere would not stay in registers.
+  static Block point_block(std::uint64_t own_key, std::uint64_t position);
+  [[noreturn]] static void refuse_point(std::uint64_t r);
 
   template <class Of>
   static int refuse_const() {
@@ -118,6 +156,9 @@ class Stream {
   static double to_uniform(std::uint64_t bits) {
     return (static_cast<double>(bits >> 12) + 0.5) * 0x1p-52;  // 52 bits: with 53 the largest would round to 1
   }
+
+  /// Of the net that a stream names: no branch of it has this key.
+  static std::uint64_t net_key(std::uint64_t key, std::uint64_t index) { return mix(key ^ 0xbb67ae8584caa73bu, index); }
 
   static std::uint64_t mix(std::uint64_t key, std::uint64_t branch) {
     // The constant keeps key 0 from being its own child: seed 0, branch ~0 is Branch::PMF of the seed 0.
@@ -136,7 +177,7 @@ class Stream {
   std::uint64_t key_;
   std::uint64_t index_;
   std::uint64_t position_ = 0;
-  r123::Philox2x64::ctr_type block_{};
+  Block block_{};
 };
 
 /// Branches of a sample's stream that are not levels. Level k draws from split(k), so estimators and PMFs

@@ -7,6 +7,7 @@
 // A batch may be stratified: the first number of member b of n is then (b + u_b) / n instead of u_b. Each member
 // alone has another law then, but the mean over all n has the expectation of n independent draws, and a variance
 // that is smaller, far smaller where a draw depends smoothly on its first number. [McKay, Beckman, Conover 1979]
+// Or its members are consecutive points of one net (core/points.hpp): all their numbers are spread evenly then.
 
 #include <algorithm>
 #include <array>
@@ -35,7 +36,16 @@ class StreamBatch {
     }
   }
 
+  /// Points first ... first + size - 1 of the net that a stream names: member b draws from net.point(first + b).
+  /// Throws std::length_error beyond the last point of a net.
+  static StreamBatch points(const Stream& net, std::uint64_t first, std::size_t size) {
+    return StreamBatch(Net{true, Stream::net_key(net.key_, net.index_), first, net.index_}, size);
+  }
+
   [[nodiscard]] std::size_t size() const { return size_; }
+
+  /// Whether the members are points of a net.
+  [[nodiscard]] bool is_net() const { return net_.any; }
 
   /// The next out.size() / size() numbers of every member: out[t * size() + b].
   void uniforms(std::span<double> out);
@@ -47,18 +57,37 @@ class StreamBatch {
 
   /// The stream of member b alone, where the batch stands. Not for a stratified batch that has not drawn yet.
   [[nodiscard]] Stream stream(std::size_t b) const {
+    if (net_.any) {
+      Stream rng(keys_[b], net_.index);
+      rng.seek(Stream::point_mark | ((net_.first + b) << Stream::point_shift) | position_);
+      return rng;
+    }
     Stream rng(keys_[b], index_);
     rng.seek(position_);
     return rng;
   }
 
  private:
+  struct Net {
+    bool any = false;
+    std::uint64_t key = 0;
+    std::uint64_t first = 0;  // point
+    std::uint64_t index = 0;  // of the sample
+  };
+
+  StreamBatch(const Net& net, std::size_t size) : index_(0), size_(size), rank_(0), strata_(1), net_(net) {
+    assert(size >= 1 && size <= capacity);
+    if (net.first + size > net_points) Stream::refuse_point(net.first + size - 1);
+    for (std::size_t b = 0; b < size; ++b) keys_[b] = point_key(net.key, net.first + b);
+  }
+
   alignas(64) std::array<std::uint64_t, capacity> keys_;  // only the first size_ are set
-  std::uint64_t index_;
+  std::uint64_t index_;                                   // what the counter of plain numbers has
   std::uint64_t position_ = 0;
   std::size_t size_;
   std::int64_t rank_;
   std::int64_t strata_;
+  Net net_{};
 };
 
 }  // namespace debias
