@@ -6,6 +6,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/points.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
@@ -30,6 +31,7 @@
 #include <debias/photon.hpp>
 #include <debias/pmf/any.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
+#include <debias/pmf/dyadic.hpp>
 #include <debias/pmf/fitted.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>

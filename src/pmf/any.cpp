@@ -12,11 +12,12 @@
 namespace debias {
 namespace {
 
-constexpr std::array<AnyPmf::Form, 4> all_forms{{
+constexpr std::array<AnyPmf::Form, 5> all_forms{{
     {"geometric", "geometric:r=0.6 or geometric:theta=1.3", "r (1-r)^j, r = 1 - 2^-theta"},
     {"zeta", "zeta:s=2.5", "(j+1)^-s / zeta(s)"},
     {"poisson", "poisson:lambda=3", "exp(-lambda) lambda^j / j!"},
     {"tabulated", "tabulated:0.5,0.3,0.2;tail=0.4", "masses as listed, then ratio tail for ever"},
+    {"dyadic", "dyadic:10,8,5;theta=1.25", "2^10, 2^8, 2^5 members of a block, one draw of a tail 2^(-theta j)"},
 }};
 
 /// One PMF's text: what it is called, what stands behind the colon, and how its complaints end.
@@ -94,6 +95,23 @@ AnyPmf parse_tabulated(const Spec& spec) {
   return AnyPmf(Tabulated(std::move(masses), read_parameter(spec, *rest, keys).value));
 }
 
+AnyPmf parse_dyadic(const Spec& spec) {
+  static constexpr std::string_view keys[] = {"theta"};
+  std::optional<std::string_view> rest = spec.parameters;
+  std::optional<std::string_view> list = cut(rest, ";");
+  if (!rest) spec.refuse("no tail (theta, the exponent of the masses beyond the table)");
+  std::vector<int> counts;
+  while (list) {
+    const std::string what = "m_" + std::to_string(counts.size());
+    const double m = parse_double(cut(list, ","), "dyadic: " + what);
+    if (!(m >= 0 && m <= 64) || m != static_cast<int>(m)) {
+      spec.refuse(what + " = " + to_text(m) + " (must be a whole number in [0, 40]: level k gets 2^(m_k) members)");
+    }
+    counts.push_back(static_cast<int>(m));
+  }
+  return AnyPmf(Dyadic(std::move(counts), read_parameter(spec, *rest, keys).value));
+}
+
 }  // namespace
 
 std::span<const AnyPmf::Form> AnyPmf::forms() { return all_forms; }
@@ -117,6 +135,7 @@ AnyPmf AnyPmf::parse(std::string_view text) {
     if (name == "geometric") return parse_geometric(spec);
     if (name == "zeta") return parse_zeta(spec);
     if (name == "poisson") return parse_poisson(spec);
+    if (name == "dyadic") return parse_dyadic(spec);
     return parse_tabulated(spec);
   }
   std::string hint = suggestion(name, names);

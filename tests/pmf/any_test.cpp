@@ -22,6 +22,7 @@ TEST_CASE("A PMF and the PMF that its spec is parsed to are the same, bit for bi
       AnyPmf(debias::Poisson(1e4 / 7)),
       AnyPmf(debias::Tabulated({0.5, 0.3, 0.2}, 0.4)),
       AnyPmf(debias::Tabulated({1e-30 / 3, 1e20 / 7, 5}, 1.0 / 3)),
+      AnyPmf(debias::Dyadic({9, 7, 7, 0}, 4.0 / 3)),
   };
   for (const AnyPmf& pmf : any_pmfs) {
     CAPTURE(pmf.spec());
@@ -65,7 +66,7 @@ TEST_CASE("A PMF that cannot be read is refused with what is wrong and what is n
   static constexpr Wrong wrong[] = {
       {"", "no PMF is called ''"},
       {":", "no PMF is called ''"},
-      {"banana:r=1", "write one of geometric zeta poisson tabulated"},
+      {"banana:r=1", "write one of geometric zeta poisson tabulated dyadic"},
       {"geometrc:r=0.5", "did you mean 'geometric'?"},
       {"Zeta:s=2", "did you mean 'zeta'?"},
       {" zeta:s=2", "did you mean 'zeta'?"},

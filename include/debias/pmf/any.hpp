@@ -3,6 +3,7 @@
 // A PMF chosen at run time, from the command line or by a recipe.
 //
 //   geometric:r=0.6   geometric:theta=1.3   zeta:s=2.5   poisson:lambda=3   tabulated:0.5,0.3,0.2;tail=0.4
+//   dyadic:10,8,5;theta=1.25
 //
 // spec() gives such a text, with the digits that parse() reads back as the identical PMF, bit for bit. A new
 // PMF joins the variant here, and the table of forms and parse() in any.cpp. Per sample the dispatch is one
@@ -15,6 +16,7 @@
 #include <variant>
 
 #include <debias/core/pmf.hpp>
+#include <debias/pmf/dyadic.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/pmf/tabulated.hpp>
@@ -24,7 +26,7 @@ namespace debias {
 
 class AnyPmf {
  public:
-  using Kind = std::variant<Geometric, Zeta, Poisson, Tabulated>;
+  using Kind = std::variant<Geometric, Zeta, Poisson, Tabulated, Dyadic>;
 
   /// What can be written on the command line, for a list of PMFs.
   struct Form {
@@ -55,6 +57,15 @@ class AnyPmf {
   }
   std::int64_t sample(double u) const {
     return std::visit([u](const auto& pmf) { return pmf.sample(u); }, pmf_);
+  }
+  /// Members of a block, and those of them that draw outcome j without chance, of a Dyadic; 0 of all others.
+  std::int64_t block() const {
+    const auto* const dyadic = std::get_if<Dyadic>(&pmf_);
+    return dyadic == nullptr ? 0 : dyadic->block();
+  }
+  std::int64_t copies(std::int64_t j) const {
+    const auto* const dyadic = std::get_if<Dyadic>(&pmf_);
+    return dyadic == nullptr ? 0 : dyadic->copies(j);
   }
   TailExponent tail_exponent() const {
     return std::visit([](const auto& pmf) { return pmf.tail_exponent(); }, pmf_);
