@@ -10,6 +10,8 @@
 // Lipschitz payoffs of the end, an average or an extreme: E D_k^2 ~ 2^(-2 k) under milstein, 2^(-1.5 k)
 // behind a barrier (declare it), 2^-k under euler, where no PMF has finite variance and finite work. With
 // additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
+// Numbers: a path draws increment 0, the number of its bridge if a summary uses one, increment 1, ... As a point of a net
+// (estimators/stratified.hpp) it draws the end, midpoints by levels, then the numbers of the bridges in time: sde/brownian.hpp.
 // Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
 // above. A path that leaves the finite numbers makes its sample NaN, whatever the payoff makes of it.
 // Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
@@ -31,6 +33,7 @@
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
+#include <debias/sde/brownian.hpp>
 #include <debias/sde/summaries.hpp>
 
 namespace debias {
@@ -303,6 +306,20 @@ class SdeLevels {
   }();
   using Paths = detail::Paths<Step, M, Summary>;
   using Numbers = detail::PathNumbers<draws_bridges>;
+  using NettedNumbers = detail::BridgedPathNumbers<draws_bridges>;
+
+  /// Normals of a standard deviation, one for each Brownian motion.
+  struct Normals {
+    Stream* rng;
+    std::int64_t noises;
+    auto operator()(double sd) const { return Step::template increment<M>(noises, sd, *rng); }
+  };
+  /// Increments in the order of time.
+  struct InTime {
+    Normals draw;
+    double sqrt_h;
+    auto next() const { return draw(sqrt_h); }
+  };
 
  public:
   using value_type = std::remove_cvref_t<decltype(std::declval<const Path&>().pay(std::declval<const F&>()))>;
@@ -323,18 +340,101 @@ class SdeLevels {
       const Term<value_type> one = value_at(0, rng);
       return debias::base(one.value, one.work);
     }
-    const std::int64_t steps = steps_of(level);
+    return along(steps_of(level), rng,
+                 [&](std::int64_t steps, double h, auto&& noise) { return draw_along(steps, h, rng, noise); });
+  }
+
+  /// I_level along one path, the fine one of a draw. Throws std::length_error above last_level.
+  Term<value_type> value_at(std::int64_t level, Stream& rng) const {
+    return along(steps_of(level), rng, [&](std::int64_t steps, double h, auto&& noise) {
+      Path path(model_, summary_);
+      for (std::int64_t i = 0; i < steps; ++i) {
+        const auto dw = noise.next();
+        path.step(static_cast<double>(i) * h, h, dw, bridge_number(rng));
+      }
+      return Term<value_type>{path.pay(payoff_), static_cast<double>(steps)};
+    });
+  }
+
+  [[nodiscard]] static std::int64_t deepest_level() { return last_level; }
+
+  // ---- many members at once
+
+  static constexpr bool batches = std::same_as<detail::state_of<M>, double> && std::same_as<value_type, double> &&
+                                  std::derived_from<Step, EulerStep>;
+
+  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    along(steps_of(level), batch, [&](std::int64_t steps, double h, auto&& numbers) {
+      Paths paths(model_, summary_, out.size());
+      for (std::int64_t i = 0; i < steps; ++i) {
+        numbers.next();
+        paths.step(static_cast<double>(i) * h, h, numbers.increments(), numbers.uniforms());
+      }
+      for (std::size_t b = 0; b < out.size(); ++b) out[b] = {paths.pay(payoff_, b), static_cast<double>(steps)};
+    });
+  }
+
+  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
+    if (level == 0) return values(level, batch, out);
+    along(steps_of(level), batch, [&](std::int64_t steps, double h, auto&& numbers) {
+      Paths fine(model_, summary_, out.size());
+      Paths coarse(model_, summary_, out.size());
+      for (std::int64_t i = 0; i < steps; i += 2) {
+        const double t = static_cast<double>(i) * h;
+        numbers.next();
+        const double* const dw1 = numbers.increments();
+        const double* const u1 = numbers.uniforms();
+        numbers.next();
+        fine.step(t, h, dw1, u1);
+        fine.step(static_cast<double>(i + 1) * h, h, numbers.increments(), numbers.uniforms());
+        coarse.double_step(t, h, dw1, numbers.increments(), u1, numbers.uniforms());
+      }
+      for (std::size_t b = 0; b < out.size(); ++b) {
+        out[b] = {fine.pay(payoff_, b) - coarse.pay(payoff_, b), 1.5 * static_cast<double>(steps)};
+      }
+    });
+  }
+
+  Rates rates;
+
+ private:
+  /// `walk(steps, h, noise)` over the increments of the path that a stream has, as the order of its numbers wants it.
+  template <class Walk>
+  [[gnu::always_inline]] auto along(std::int64_t steps, Stream& rng, const Walk& walk) const {
     const double h = model_.horizon / static_cast<double>(steps);
-    const double sqrt_h = std::sqrt(h);
+    if (rng.is_point()) [[unlikely]]
+      return along_bridges(steps, h, rng, walk);
+    return walk(steps, h, InTime{{&rng, noises_}, std::sqrt(h)});
+  }
+  // Apart, for its memory: a path in time needs none.
+  template <class Walk>
+  [[gnu::noinline]] auto along_bridges(std::int64_t steps, double h, Stream& rng, const Walk& walk) const {
+    return walk(steps, h, detail::BridgedPath<Normals>({&rng, noises_}, steps, model_.horizon));
+  }
+  /// The same of a batch.
+  template <class Walk>
+  [[gnu::always_inline]] void along(std::int64_t steps, StreamBatch& batch, const Walk& walk) const {
+    const double h = model_.horizon / static_cast<double>(steps);
+    if (batch.is_net()) return along_bridges(steps, h, batch, walk);
+    walk(steps, h, Numbers(batch, steps, std::sqrt(h)));
+  }
+  template <class Walk>
+  [[gnu::noinline]] void along_bridges(std::int64_t steps, double h, StreamBatch& batch, const Walk& walk) const {
+    walk(steps, h, NettedNumbers(batch, steps, model_.horizon));
+  }
+
+  /// A draw of a level above 0 along the increments of a path.
+  template <class Noise>
+  [[gnu::always_inline]] Draw<value_type> draw_along(std::int64_t steps, double h, Stream& rng, Noise& noise) const {
     Path fine(model_, summary_);
     [[maybe_unused]] Twin twin(model_, summary_);
     Path coarse(model_, summary_);
     for (std::int64_t i = 0; i < steps; i += 2) {
       const double t = static_cast<double>(i) * h;
       const double middle = static_cast<double>(i + 1) * h;
-      const auto dw1 = Step::template increment<M>(noises_, sqrt_h, rng);
+      const auto dw1 = noise.next();
       const double u1 = bridge_number(rng);
-      const auto dw2 = Step::template increment<M>(noises_, sqrt_h, rng);
+      const auto dw2 = noise.next();
       const double u2 = bridge_number(rng);
       fine.step(t, h, dw1, u1);
       fine.step(middle, h, dw2, u2);
@@ -353,63 +453,6 @@ class SdeLevels {
     }
   }
 
-  /// I_level along one path, the fine one of a draw. Throws std::length_error above last_level.
-  Term<value_type> value_at(std::int64_t level, Stream& rng) const {
-    const std::int64_t steps = steps_of(level);
-    const double h = model_.horizon / static_cast<double>(steps);
-    const double sqrt_h = std::sqrt(h);
-    Path path(model_, summary_);
-    for (std::int64_t i = 0; i < steps; ++i) {
-      const auto dw = Step::template increment<M>(noises_, sqrt_h, rng);
-      path.step(static_cast<double>(i) * h, h, dw, bridge_number(rng));
-    }
-    return {path.pay(payoff_), static_cast<double>(steps)};
-  }
-
-  [[nodiscard]] static std::int64_t deepest_level() { return last_level; }
-
-  // ---- many members at once
-
-  static constexpr bool batches = std::same_as<detail::state_of<M>, double> && std::same_as<value_type, double> &&
-                                  std::derived_from<Step, EulerStep>;
-
-  void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
-    const std::int64_t steps = steps_of(level);
-    const double h = model_.horizon / static_cast<double>(steps);
-    Paths paths(model_, summary_, out.size());
-    Numbers numbers(batch, steps, std::sqrt(h));
-    for (std::int64_t i = 0; i < steps; ++i) {
-      numbers.next();
-      paths.step(static_cast<double>(i) * h, h, numbers.increments(), numbers.uniforms());
-    }
-    for (std::size_t b = 0; b < out.size(); ++b) out[b] = {paths.pay(payoff_, b), static_cast<double>(steps)};
-  }
-
-  void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
-    if (level == 0) return values(level, batch, out);
-    const std::int64_t steps = steps_of(level);
-    const double h = model_.horizon / static_cast<double>(steps);
-    Paths fine(model_, summary_, out.size());
-    Paths coarse(model_, summary_, out.size());
-    Numbers numbers(batch, steps, std::sqrt(h));
-    for (std::int64_t i = 0; i < steps; i += 2) {
-      const double t = static_cast<double>(i) * h;
-      numbers.next();
-      const double* const dw1 = numbers.increments();
-      const double* const u1 = numbers.uniforms();
-      numbers.next();
-      fine.step(t, h, dw1, u1);
-      fine.step(static_cast<double>(i + 1) * h, h, numbers.increments(), numbers.uniforms());
-      coarse.double_step(t, h, dw1, numbers.increments(), u1, numbers.uniforms());
-    }
-    for (std::size_t b = 0; b < out.size(); ++b) {
-      out[b] = {fine.pay(payoff_, b) - coarse.pay(payoff_, b), 1.5 * static_cast<double>(steps)};
-    }
-  }
-
-  Rates rates;
-
- private:
   static double bridge_number([[maybe_unused]] Stream& rng) {
     if constexpr (draws_bridges) {
       return rng.uniform();
