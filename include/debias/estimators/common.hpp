@@ -113,8 +113,10 @@ struct Members {
   std::size_t size;  // at most StreamBatch::capacity
   std::int64_t rank;
   std::int64_t strata;
+  bool are_points = false;  // rank, rank + 1, ... of the net of the level
 
   [[nodiscard]] StreamBatch streams(std::int64_t level) const {
+    if (are_points) return StreamBatch::points(split_level(sample, level), static_cast<std::uint64_t>(rank), size);
     return {sample, static_cast<std::uint64_t>(first), size, static_cast<std::uint64_t>(level), rank, strata};
   }
 };

@@ -63,6 +63,15 @@ class Roulette {
   template <Record R>
   Sample<value_type> draw(std::int64_t last, const Stream& rng, R& record) const {
     Stream path = split_level(rng, 0);
+    return draw_from(last, path, record);
+  }
+
+  /// One stream has all numbers of a sample, so it can be a point of a net.
+  [[nodiscard]] static bool draws_from_one_stream() { return true; }
+
+  /// The sample that ends at `last`, along the path of these numbers.
+  template <Record R>
+  Sample<value_type> draw_from(std::int64_t last, Stream& path, R& record) const {
     auto cursor = terms_(path);
     auto term = cursor();
     Sample<value_type> sample{std::move(term.value), term.work, last};

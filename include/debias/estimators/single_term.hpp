@@ -62,15 +62,24 @@ class SingleTerm {
   /// The sample that a draw of `level` from the PMF gives.
   template <Record R>
   Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
-    const double weight = inverse_weight(probability(level), level);
-    const std::int64_t m = options_.base_level;
     if (options_.base == Base::drawn) {
       Stream level_stream = split_level(rng, level);
-      auto term = level == m ? detail::recorded_base(sequence_, level, level_stream, record)
-                             : detail::recorded_difference(sequence_, level, level_stream, record);
-      return {debias::scaled(std::move(term.value), weight), term.work, level};
+      return draw_from(level, level_stream, record);
     }
-    return detail::base_and_difference(sequence_, m, level, weight, rng, record);
+    const double weight = inverse_weight(probability(level), level);
+    return detail::base_and_difference(sequence_, options_.base_level, level, weight, rng, record);
+  }
+
+  /// Whether one stream has all numbers of a sample, so that it can be a point of a net.
+  [[nodiscard]] bool draws_from_one_stream() const { return options_.base == Base::drawn; }
+
+  /// The sample whose level draws the numbers of this stream, with Base::drawn.
+  template <Record R>
+  Sample<value_type> draw_from(std::int64_t level, Stream& level_stream, R& record) const {
+    const double weight = inverse_weight(probability(level), level);
+    auto term = level == options_.base_level ? detail::recorded_base(sequence_, level, level_stream, record)
+                                             : detail::recorded_difference(sequence_, level, level_stream, record);
+    return {debias::scaled(std::move(term.value), weight), term.work, level};
   }
 
   /// The same of several members of a sample; there is one kind of batch for numbers, arrays go one by one.
@@ -93,8 +102,10 @@ class SingleTerm {
         out[b] = {some[b].value * weight, some[b].work, level};
       }
     } else {
+      const StreamBatch streams = members.streams(level);
       for (std::size_t b = 0; b < out.size(); ++b) {
-        out[b] = draw(level, members.sample.split(static_cast<std::uint64_t>(members.first) + b), record);
+        Stream level_stream = streams.stream(b);
+        out[b] = draw_from(level, level_stream, record);
       }
     }
   }

@@ -13,6 +13,10 @@
 // standard error is honest. It takes some hundred blocks; a sample index names a block.
 // The members of one level run together where the sequence has batch hooks, and are then stratified once more: over
 // the first number that they draw, the offset of a comb (core/stream_batch.hpp).
+// With Points::nets the N_k members of a level are points 0 ... N_k - 1 of a net of its own in each block (core/points.hpp):
+// N_k does not depend on the points, so E Z = I as before, and the variance of a level may fall like N_k^-2 or faster. The gain
+// needs N_k that are whole powers of two, the same in all blocks: pmf/dyadic.hpp with residual strata, base drawn. Members that
+// residual strata draw are plain. A sequence gains as far as it draws what matters first, and a fixed count of numbers.
 
 #include <algorithm>
 #include <array>
@@ -23,12 +27,14 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/points.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/text.hpp>
@@ -44,6 +50,11 @@ inline const char* name_of(Strata strata) {
   constexpr std::array names = {"systematic", "uniform", "residual"};
   return names[static_cast<std::size_t>(strata)];
 }
+
+/// The numbers of the members of a level: plain ones of each, or the points of a net.
+enum class Points { plain, nets };
+
+inline const char* name_of(Points points) { return points == Points::plain ? "plain" : "nets"; }
 
 /// An estimator whose level can be drawn from outside: single_term, and roulette and independent_sum with a PMF.
 template <class E>
@@ -62,6 +73,17 @@ concept DrawsMembers = requires(const E& e, std::int64_t level, const Members& m
                                 std::span<Sample<estimate_value_t<E>>> out, R& record) {
   e.draw(level, members, out, record);
 };
+template <class E, class R>
+concept DrawsFromOneStream = requires(const E& e, std::int64_t level, Stream& numbers, R& record) {
+  { e.draws_from_one_stream() } -> std::same_as<bool>;
+  e.draw_from(level, numbers, record);
+};
+/// A PMF that is made for blocks of one size: so many copies of each outcome; a size of 0 is that of another PMF.
+template <class P>
+concept CountsCopies = Pmf<P> && requires(const P& p, std::int64_t j) {
+  { p.block() } -> std::same_as<std::int64_t>;
+  { p.copies(j) } -> std::same_as<std::int64_t>;
+};
 }  // namespace detail
 
 /// An estimator in blocks; Sample::value is the mean of a block, Sample::work its total.
@@ -70,14 +92,16 @@ class Stratified {
  public:
   using value_type = estimate_value_t<E>;
 
-  /// Throws std::invalid_argument for an empty block, or residual strata of a PMF with a very slow tail.
-  Stratified(E estimator, std::int64_t block, Strata strata)
+  /// Throws std::invalid_argument for an empty block, residual strata of a PMF with a very slow tail, nets of an estimator whose
+  /// samples take several streams, or a block that is not that of a Dyadic PMF.
+  Stratified(E estimator, std::int64_t block, Strata strata, Points points)
       : estimator_(std::move(estimator)), block_(block), strata_(strata) {
     if (block < 1) {
       throw std::invalid_argument("stratified: block = " + std::to_string(block) +
                                   " (must be at least 1); 64 is a good start");
     }
     if (strata == Strata::residual) count_copies();
+    if (points == Points::nets) take_nets();
   }
 
   template <Record R>
@@ -127,8 +151,8 @@ class Stratified {
   }
 
   [[nodiscard]] std::string describe() const {
-    return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + "), " +
-           debias::description(estimator_);
+    return "stratified in blocks of " + std::to_string(block_) + " (" + name_of(strata_) + (nets_ > 0 ? ", nets" : "") +
+           "), " + debias::description(estimator_);
   }
 
  private:
@@ -144,6 +168,9 @@ class Stratified {
     return (static_cast<double>(j) + shift) / static_cast<double>(block_);
   }
 
+  /// Whether the next member begins a run of its own: members that are drawn are no points of the net before them.
+  [[nodiscard]] bool ends_nets(std::int64_t next) const { return next == nets_; }
+
   /// `level_of` is asked for every member once, in order.
   template <Record R, class LevelOf>
   Sample<value_type> block_of(const Stream& rng, R& record, LevelOf&& level_of) const {
@@ -153,7 +180,7 @@ class Stratified {
       for (std::int64_t begin = 0; begin < block_;) {  // a run of members of one level
         std::int64_t end = begin + 1;
         std::int64_t next = level;
-        while (end < block_ && (next = level_of(end)) == level) ++end;
+        while (end < block_ && (next = level_of(end)) == level && !ends_nets(end)) ++end;
         run(level, begin, end, rng, sample, record);
         level = next;
         begin = end;
@@ -161,10 +188,12 @@ class Stratified {
       sample.value /= static_cast<double>(block_);
       return sample;
     } else {
-      auto sample = estimator_.draw(level, member(rng, 0), record);
+      std::int64_t begin = 0;  // of the run of members of this level
+      auto sample = member_sample(level, 0, begin, rng, record);
       for (std::int64_t j = 1; j < block_; ++j) {
-        level = level_of(j);
-        auto next = estimator_.draw(level, member(rng, j), record);
+        const std::int64_t last = std::exchange(level, level_of(j));
+        if (level != last) begin = j;
+        auto next = member_sample(level, j, begin, rng, record);
         sample.value = debias::sum(std::move(sample.value), next.value);
         sample.work += next.work;
         sample.level = sample.level > next.level ? sample.level : next.level;
@@ -175,13 +204,25 @@ class Stratified {
   }
 
   template <Record R>
+  auto member_sample(std::int64_t level, std::int64_t j, [[maybe_unused]] std::int64_t begin, const Stream& rng,
+                     R& record) const {
+    if constexpr (detail::DrawsFromOneStream<E, R>) {
+      if (j < nets_) {
+        Stream point = split_level(rng, level).point(static_cast<std::uint64_t>(j - begin));
+        return estimator_.draw_from(level, point, record);
+      }
+    }
+    return estimator_.draw(level, member(rng, j), record);
+  }
+
+  template <Record R>
   void run(std::int64_t level, std::int64_t begin, std::int64_t end, const Stream& rng, Sample<value_type>& sample,
            R& record) const {
     std::array<Sample<value_type>, StreamBatch::capacity> samples;
     for (std::int64_t j = begin; j < end;) {
       const auto n = static_cast<std::size_t>(std::min<std::int64_t>(end - j, StreamBatch::capacity));
       const std::span<Sample<value_type>> some = std::span(samples).first(n);
-      estimator_.draw(level, detail::Members{rng, j, n, j - begin, end - begin}, some, record);
+      estimator_.draw(level, detail::Members{rng, j, n, j - begin, end - begin, j < nets_}, some, record);
       for (const Sample<value_type>& s : some) {
         sample.value += s.value;
         sample.work += s.work;
@@ -191,10 +232,41 @@ class Stratified {
     sample.level = std::max(sample.level, level);
   }
 
+  void take_nets() {
+    bool one_stream = false;
+    if constexpr (detail::DrawsFromOneStream<E, NullRecord>) one_stream = estimator_.draws_from_one_stream();
+    if (!one_stream) {
+      throw std::invalid_argument("stratified: nets with " + debias::description(estimator_) +
+                                  " (its samples take the numbers of several streams, and a point is one); take "
+                                  "single_term with Base::drawn");
+    }
+    nets_ = block_;
+    std::int64_t largest = block_;
+    if (strata_ == Strata::residual) {
+      nets_ = largest = 0;
+      for (const Copies& row : copies_) {
+        nets_ += row.count;
+        largest = std::max(largest, row.count);
+      }
+    }
+    if (largest > static_cast<std::int64_t>(net_points)) {
+      throw std::invalid_argument("stratified: nets of " + std::to_string(largest) + " members of a level (a net has " +
+                                  std::to_string(net_points) + " points); take smaller blocks, and more of them");
+    }
+  }
+
   // The levels that may have copies, deepest last: n p_k <= n tail(k) falls below 1 for good.
   void count_copies() {
     const auto n = static_cast<double>(block_);
     const std::int64_t first = estimator_.level_at(1);
+    if constexpr (detail::CountsCopies<std::remove_cvref_t<decltype(estimator_.pmf())>>) {
+      const std::int64_t size = estimator_.pmf().block();
+      if (size != 0 && size != block_) {
+        throw std::invalid_argument("stratified: block = " + std::to_string(block_) + " (" +
+                                    debias::description(estimator_) + " is made for blocks of " + std::to_string(size) +
+                                    " members); take pmf.block()");
+      }
+    }
     std::int64_t levels = 1;
     while (n * estimator_.pmf().tail(levels) >= 1) {
       if (++levels > most_copied_levels) refuse_slow_tail();
@@ -205,9 +277,23 @@ class Stratified {
     for (std::int64_t j = levels; j-- > 0;) {
       const double expected = n * estimator_.pmf().mass(j);
       if (!(expected >= 0 && expected <= 2 * n)) refuse_mass(j, expected / n);
-      const double whole = std::floor(expected);
-      residual += expected - whole;
+      double whole = std::floor(expected);
+      double rest = expected - whole;
+      if (const std::int64_t stated = stated_copies(j); stated > 0) {  // n p_j may be rounded to less
+        whole = static_cast<double>(stated);
+        rest = 0;
+      }
+      residual += rest;
       copies_[static_cast<std::size_t>(j)] = {first + j, static_cast<std::int64_t>(whole), residual};
+    }
+  }
+
+  /// What the PMF says itself; 0 where it says nothing.
+  [[nodiscard]] std::int64_t stated_copies([[maybe_unused]] std::int64_t j) const {
+    if constexpr (detail::CountsCopies<std::remove_cvref_t<decltype(estimator_.pmf())>>) {
+      return estimator_.pmf().copies(j);
+    } else {
+      return 0;
     }
   }
 
@@ -238,12 +324,16 @@ class Stratified {
   Strata strata_;
   std::vector<Copies> copies_;  // residual only
   double rest_tail_ = 0;        // n P(a level beyond copies_)
+  std::int64_t nets_ = 0;       // members of a block that are points of nets, which are the first ones
 };
 
 /// Blocks of `block` members: `estimate(stratified(single_term(s, pmf), 64), {.samples = 10'000})` draws 640,000.
+/// With nets: `stratified(single_term(s, pmf, {.base = Base::drawn}), pmf.block(), Strata::residual, Points::nets)`, where
+/// `const Dyadic pmf({10, 8, 6, 4}, 1.25)`; 32 blocks or more make an error that can be trusted.
 template <StratifiableEstimator E>
-Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic) {
-  return {std::move(estimator), block, strata};
+Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic,
+                         Points points = Points::plain) {
+  return {std::move(estimator), block, strata, points};
 }
 
 namespace detail {
@@ -259,7 +349,8 @@ constexpr Mistake mistake_in_strata() {
 
 template <class E>
 requires(!StratifiableEstimator<E>) auto stratified(const E& /*estimator*/, std::int64_t /*block*/,
-                                                    Strata /*strata*/ = Strata::systematic) {
+                                                    Strata /*strata*/ = Strata::systematic,
+                                                    Points /*points*/ = Points::plain) {
   return detail::refuse<detail::mistake_in_strata<E>(), E>();
 }
 
