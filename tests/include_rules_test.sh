@@ -13,7 +13,7 @@ may_include() {
     core/verdict) echo 'core/.*|statistics/evidence' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
-    pmf/any | pmf/reach) echo 'core/.*|pmf/.*' ;;
+    pmf/any | pmf/reach | pmf/dyadic) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
     function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;
@@ -21,7 +21,7 @@ may_include() {
     functions) echo "$no_runner|power_series" ;;
     derivative/*) echo "$no_runner|derivative" ;;
     linear_operators) echo "$no_runner|series" ;;
-    sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
+    sde | sde/*) echo "$no_runner|core/points|sde|sde/(summaries|brownian)" ;;
     nested) echo "$no_runner|function_of_mean" ;;
     reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     # the laws of published schedules

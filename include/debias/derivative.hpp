@@ -13,6 +13,7 @@
 // E D_k^2 grows and no PMF helps: `survey` says so before a run, verdict and bias bound of a result after it. The bound
 // of an f without noise is infinite where its differences fall by less than 3/4 of the declared rate: at jumps, cusps
 // and poles, and at kinks of second differences.
+// Numbers: those of f in its own order, the same for all evaluations of a draw.
 // Rounding: f is off by eps |f|, I_k by 2^k eps |f| / h_0. Levels stop where that outgrows the difference
 // (`last_level`); later differences are 0, and the result carries the bound on the bias (`bias_bound`).
 

@@ -13,6 +13,8 @@
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a PMF divides by p_k.
+// Numbers: those of the draws one after the other, even and odd in turn; of a comb its offset alone, number 0; of jittered points
+// one a part, in the order of the groups. As a point of a net a comb gains most, 2^k independent draws little.
 // A NaN among the draws makes value and difference NaN, whatever g makes of it. Of a mean that is infinite I_k is what g
 // says (e^-inf = 0, 1 / inf = 0), and D_k is NaN where g has a gap.
 

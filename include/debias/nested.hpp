@@ -10,6 +10,7 @@
 // a kink). A jump has {0.5, 1}: no PMF with finite variance and finite work.
 // Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with
 // a finite fourth moment. f has to bear what such estimates may be: under a large weight they have either sign.
+// Numbers: those of Y first, then those of the draws of X in order; `estimated` draws from streams of its own, plain ones.
 // Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).
 
 #include <concepts>

@@ -11,6 +11,7 @@
 // PMF is geometric: unit increments then have infinite variance, sum E a_k^2 / p_k, and no sample shows it.
 // Declare `polynomial_terms` and take a zeta PMF, or take `blocks`, whose levels fall geometrically. A
 // deterministic prefix before the random tail is the base level.
+// Numbers: a random term draws from a stream of its own, split(k). As a point of a net it is plain, and gains nothing.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>

@@ -10,6 +10,7 @@
 // is Lipschitz: E D_k^2 ~ c^(2 k). (For a power of x the moments have to contract as well.) The work, 2 k - 1
 // steps, grows linearly, which beside a geometric decay counts as exponent 0. Fails where only the laws of
 // the two chains come together, not their paths. A state that is a Value and not finite makes the sample NaN.
+// Numbers: the step at time -j draws from a stream of its own, split(j). As a point of a net it is plain, and gains nothing.
 // Source: Glynn & Rhee, J. Appl. Probab. 51A (2014).
 
 #include <cmath>

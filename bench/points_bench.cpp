@@ -1,0 +1,147 @@
+// Scrambled nets: nanoseconds of a number, beside plain ones in the same run (points/...), and what nets take from the
+// variance of a member of a block (nets/...).
+//
+//   ratio_of_least  ns of a netted number over that of a plain one, alternating: rows over `fill`, alone over `uniform`
+//   gain            variance of a block of plain members over that of a block of nets, the same Dyadic PMF
+//   variance_work   variance of a block of nets x its work; plain_variance_work of plain members in the same blocks
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include <debias/core/estimate.hpp>
+#include <debias/core/instructions.hpp>
+#include <debias/core/points.hpp>
+#include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/estimators/stratified.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <debias/pmf/dyadic.hpp>
+#include <debias/sde.hpp>
+#include <debias/sde/brownian.hpp>
+
+#include "paired.hpp"
+
+namespace debias::bench {
+namespace {
+
+std::array<double, 4096> netted;
+std::array<double, 4096> plain;
+
+template <class Ours, class Theirs>
+void compare(const std::string& name, const Ours& ours, const Theirs& theirs) {
+  benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
+    constexpr int calls = 4;  // a round shorter than the time slices of a busy machine
+    std::uint64_t i = 0;
+    Ratio ratio;
+    for (auto _ : state) {
+      ratio = paired_ratio(
+          [&] {
+            for (int k = 0; k < calls; ++k) ours(i++);
+            benchmark::ClobberMemory();
+          },
+          [&] {
+            for (int k = 0; k < calls; ++k) theirs(i++);
+            benchmark::ClobberMemory();
+          },
+          1001);
+    }
+    report(state, ratio, calls * static_cast<double>(netted.size()));
+    state.SetLabel(name_of(instructions()));
+  })->Iterations(1);
+}
+
+/// Blocks of nets against blocks of the same members with plain numbers.
+template <class S>
+void gain(const std::string& name, const S& sequence, const Dyadic& pmf, std::int64_t base_level = 0) {
+  benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
+    const auto member = single_term(sequence, pmf, {.base_level = base_level, .base = Base::drawn});
+    const Plan plan{.samples = 256, .seed = 5, .threads = 1};  // blocks: variances to 9 %
+    for (auto _ : state) {
+      const auto nets = estimate(stratified(member, pmf.block(), Strata::residual, Points::nets), plan);
+      const auto strata = estimate(stratified(member, pmf.block(), Strata::residual), plan);
+      const double work = nets.work / static_cast<double>(nets.samples);
+      state.counters["gain"] = strata.moments.variance() / nets.moments.variance();
+      state.counters["variance_work"] = nets.moments.variance() * work;
+      state.counters["plain_variance_work"] = strata.moments.variance() * work;
+      state.counters["work_a_block"] = work;
+      state.counters["kurtosis"] = nets.moments.kurtosis();
+    }
+    state.SetLabel(pmf.spec());
+  })->Iterations(1)->Unit(benchmark::kMillisecond);
+}
+
+constexpr double discount = 0.951229424500714;  // exp(-0.05)
+double call(double s) { return std::max(s - 100, 0.0) * discount; }
+
+/// The European call by Milstein's scheme, written out by a user: by bridges, or in the order of time.
+template <bool bridges>
+Draw<double> own_call(std::int64_t level, Stream& rng) {
+  const std::int64_t n = std::int64_t{1} << level;
+  const double h = 1 / static_cast<double>(n);
+  const auto step = [](double x, double dw, double dt) {
+    return x * (1 + 0.05 * dt + 0.2 * dw + 0.02 * (dw * dw - dt));
+  };
+  BrownianPath w(rng, n);
+  const auto increment = [&] { return bridges ? w.next() : std::sqrt(h) * rng.normal(); };
+  double fine = 100;
+  double coarse = 100;
+  if (n == 1) return base(call(step(fine, increment(), h)));
+  for (std::int64_t i = 0; i < n; i += 2) {
+    const double a = increment();
+    const double b = increment();
+    fine = step(step(fine, a, h), b, h);
+    coarse = step(coarse, a + b, 2 * h);
+  }
+  return coupled(call(fine), call(coarse), 1.5 * static_cast<double>(n));
+}
+
+const bool registered = [] {
+  compare(
+      "points/rows", [](std::uint64_t i) { net_uniforms(i, 64, 64, 0, netted); },
+      [](std::uint64_t i) { Stream(1, i).fill(plain); });
+  compare(
+      "points/alone",
+      [](std::uint64_t i) {
+        for (std::uint64_t r = 0; r < 64; ++r) {
+          Stream rng = Stream(1, i).point(r);
+          for (std::size_t t = 0; t < 64; ++t) netted[64 * r + t] = rng.uniform();
+        }
+      },
+      [](std::uint64_t i) {
+        for (std::uint64_t r = 0; r < 64; ++r) {
+          Stream rng = Stream(1, i).split(r);
+          for (std::size_t t = 0; t < 64; ++t) plain[64 * r + t] = rng.uniform();
+        }
+      });
+
+  const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
+  const auto european = milstein(stock, call);
+  const auto asian = milstein(stock, Average{}, [](const Average& p) { return call(p.average()); });
+  const auto lookback = milstein(stock, Minimum{}, [](const Minimum& p) { return (p.terminal - p.minimum) * discount; });
+  const auto comb = function_of_integral([](double x) { return 8 * x; }, functions::ExpMinus{});
+  for (const int m : {6, 9, 12}) {
+    std::vector<int> head;  // halves from level to level, down to one member
+    for (int k = m; k >= 0; --k) head.push_back(k);
+    const std::string size = "/" + std::to_string(1 << m);
+    gain("nets/european" + size, european, Dyadic(head, 1.25));
+    gain("nets/asian" + size, asian, Dyadic(head, 1.25));
+    gain("nets/lookback" + size, lookback, Dyadic(head, 1.25));
+    gain("nets/own_call_by_bridges" + size, own_call<true>, Dyadic(head, 1.25));
+    std::vector<int> steep;
+    for (int k = m; k >= 0; k -= 2) steep.push_back(k);
+    gain("nets/comb_of_base_4" + size, comb, Dyadic(steep, 2.25), 2);
+  }
+  return true;
+}();
+
+}  // namespace
+}  // namespace debias::bench
