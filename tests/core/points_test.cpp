@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <span>
 #include <stdexcept>
@@ -156,9 +157,10 @@ TEST_CASE("coordinates of points are these bits for ever", "[core][points][exact
 TEST_CASE("rows of many points are their coordinates one by one, wherever the first one lies",
           "[core][points][exact]") {
   std::size_t wrong = 0;
-  for (const std::size_t size : {1, 2, 3, 4, 7, 8, 9, 16, 31, 32, 33, 63, 64}) {
-    for (const std::uint64_t first : {0, 1, 7, 8, 32, 63, 64, 100, 120, 1 << 20, (1 << 26) - 5}) {
-      for (const std::uint64_t dimension : {0, 1, 97, 250}) {
+  for (const std::size_t size : std::initializer_list<std::size_t>{1, 2, 3, 4, 7, 8, 9, 16, 31, 32, 33, 63, 64}) {
+    for (const std::uint64_t first :
+         std::initializer_list<std::uint64_t>{0, 1, 7, 8, 32, 63, 64, 100, 120, 1 << 20, (1 << 26) - 5}) {
+      for (const std::uint64_t dimension : std::initializer_list<std::uint64_t>{0, 1, 97, 250}) {
         std::vector<double> u(6 * size, -1);
         net_uniforms(5, first, size, dimension, u);
         for (std::size_t q = 0; q < 6; ++q) {
@@ -222,8 +224,8 @@ TEST_CASE("each point alone is uniform over the nets, in all its digits", "[core
     }
     return deviation;
   };
-  for (const std::uint64_t r : {0, 1, 6, 1000}) {
-    for (const std::uint64_t t : {0, 1, 3, 255, 256}) {
+  for (const std::uint64_t r : std::initializer_list<std::uint64_t>{0, 1, 6, 1000}) {
+    for (const std::uint64_t t : std::initializer_list<std::uint64_t>{0, 1, 3, 255, 256}) {
       CAPTURE(r, t);
       CHECK(worst(net_bits, r, t) < 5.5);
     }
@@ -260,7 +262,7 @@ TEST_CASE("a point's stream hands out its coordinates in order, then plain numbe
   Stream used(level);
   for (int i = 0; i < 5; ++i) used.bits();
   std::size_t wrong = 0;
-  for (const std::uint64_t r : {0, 1, 2, 77, (1 << 27) - 1}) {
+  for (const std::uint64_t r : std::initializer_list<std::uint64_t>{0, 1, 2, 77, (1 << 27) - 1}) {
     Stream point = level.point(r);
     Stream again = used.point(r);
     CHECK(point.is_point());
@@ -278,7 +280,7 @@ TEST_CASE("a point's stream hands out its coordinates in order, then plain numbe
   CHECK_FALSE(level.is_point());
   CHECK_THROWS_AS(level.point(net_points), std::length_error);
   // The whole net fills each interval of each dimension once, and nets of other samples or levels are others.
-  for (const std::size_t t : {0, 1, 100, 255}) {
+  for (const std::size_t t : std::initializer_list<std::size_t>{0, 1, 100, 255}) {
     std::vector<int> seen(64);
     for (std::uint64_t r = 0; r < 64; ++r) {
       std::vector<double> u(t + 1);
@@ -330,9 +332,9 @@ TEST_CASE("a batch of points draws the numbers of each point alone, whatever its
           "[core][points][stream][exact]") {
   const Stream level = Stream(5, 77).split(3);
   std::size_t wrong = 0;
-  for (const std::size_t size : {1, 2, 3, 4, 7, 8, 31, 64}) {
-    for (const std::uint64_t start : {0, 5, 60, 192}) {
-      for (const std::size_t rows : {1, 2, 3, 255, 256, 257}) {
+  for (const std::size_t size : std::initializer_list<std::size_t>{1, 2, 3, 4, 7, 8, 31, 64}) {
+    for (const std::uint64_t start : std::initializer_list<std::uint64_t>{0, 5, 60, 192}) {
+      for (const std::size_t rows : std::initializer_list<std::size_t>{1, 2, 3, 255, 256, 257}) {
         StreamBatch batch = StreamBatch::points(level, start, size);
         CHECK(batch.is_net());
         std::vector<double> u(rows * size);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <span>
 #include <stdexcept>
@@ -98,7 +99,7 @@ TEST_CASE("the path of a point has its end in number 0, then midpoints, and take
 
 TEST_CASE("increments by bridges are independent normals, whatever the number of steps", "[sde][statistical]") {
   constexpr std::size_t paths = 4000;
-  for (const std::int64_t steps : {1, 3, 8, 24, 512, 1536}) {
+  for (const std::int64_t steps : std::initializer_list<std::int64_t>{1, 3, 8, 24, 512, 1536}) {
     const double h = 2.0 / static_cast<double>(steps);
     CAPTURE(steps);
     const auto path = [&](std::size_t i, double slip) {
@@ -137,7 +138,7 @@ TEST_CASE("a batch of points draws the paths of each point alone", "[sde][exact]
   const auto check = [](const auto& sequence, const std::vector<std::int64_t>& levels) {
     std::size_t wrong = 0;
     for (const std::int64_t level : levels) {
-      for (const std::size_t size : {1, 7, 64}) {
+      for (const std::size_t size : std::initializer_list<std::size_t>{1, 7, 64}) {
         const Stream net = Stream(4, 8).split(static_cast<std::uint64_t>(level));
         std::vector<Term<double>> values(size);
         std::vector<Term<double>> differences(size);
