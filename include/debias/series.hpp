@@ -11,7 +11,8 @@
 // PMF is geometric: unit increments then have infinite variance, sum E a_k^2 / p_k, and no sample shows it.
 // Declare `polynomial_terms` and take a zeta PMF, or take `blocks`, whose levels fall geometrically. A
 // deterministic prefix before the random tail is the base level.
-// Numbers: a random term draws from a stream of its own, split(k). As a point of a net it is plain, and gains nothing.
+// Numbers: a random term draws from a stream of its own, split(k). Of the point of a net its first number is coordinate k, its
+// other ones are plain.
 // Source: McLeish, Monte Carlo Methods Appl. 17 (2011); Rhee & Glynn, Oper. Res. 63 (2015).
 
 #include <algorithm>
@@ -57,7 +58,8 @@ namespace detail {
 template <SeriesTerm T>
 auto evaluate_term(const T& term, std::int64_t k, const Stream& rng) {
   if constexpr (RandomTerm<T>) {
-    Stream own = rng.split(static_cast<std::uint64_t>(k));
+    const auto branch = static_cast<std::uint64_t>(k);
+    Stream own = rng.split(branch, branch);
     return term(k, own);
   } else {
     return term(k);

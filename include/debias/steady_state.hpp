@@ -10,7 +10,8 @@
 // is Lipschitz: E D_k^2 ~ c^(2 k). (For a power of x the moments have to contract as well.) The work, 2 k - 1
 // steps, grows linearly, which beside a geometric decay counts as exponent 0. Fails where only the laws of
 // the two chains come together, not their paths. A state that is a Value and not finite makes the sample NaN.
-// Numbers: the step at time -j draws from a stream of its own, split(j). As a point of a net it is plain, and gains nothing.
+// Numbers: the step at time -j draws from a stream of its own, split(j). Of the point of a net its first number is coordinate
+// j - 1, the latest step's the first; a step's other numbers are plain.
 // Source: Glynn & Rhee, J. Appl. Probab. 51A (2014).
 
 #include <cmath>
@@ -90,7 +91,8 @@ class SteadyState {
   // A stream for every step, not one for the path: a step may use more random numbers here than there.
   // `finite` remembers a state that was not: a later step, or f, may hide it behind a comparison.
   State next(State x, std::int64_t j, const Stream& rng, bool& finite) const {
-    Stream innovations = rng.split(static_cast<std::uint64_t>(j));
+    const auto time = static_cast<std::uint64_t>(j);
+    Stream innovations = rng.split(time, time - 1);
     State moved = step_(std::move(x), innovations);
     if constexpr (Value<State>) {
       if (!debias::is_finite(moved)) [[unlikely]]

@@ -264,6 +264,11 @@ Stream::Block Stream::point_block(std::uint64_t own_key, std::uint64_t position)
   return {{bits[0], bits[1]}};
 }
 
+std::uint64_t Stream::coordinate(std::uint64_t own_key, std::uint64_t position, std::uint64_t dimension) {
+  const std::uint64_t r = (position & ~point_mark) >> point_shift;
+  return net_bits(point_key(own_key, r), r, dimension);
+}
+
 void Stream::refuse_point(std::uint64_t r) {
   throw std::length_error("net: point " + std::to_string(r) + " (a net has " + std::to_string(net_points) +
                           " points); take smaller blocks, and more of them");

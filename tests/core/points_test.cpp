@@ -310,6 +310,28 @@ TEST_CASE("splits of a point are plain, depend on the point and not on what was 
   CHECK(point.point(1).is_point());
 }
 
+TEST_CASE("a split of a point may have one coordinate as its first number, a split of a plain stream has its own",
+          "[core][points][stream][exact]") {
+  const Stream plain = Stream(3, 9).split(4);
+  Stream point = plain.point(5);
+  for (int i = 0; i < 3; ++i) point.bits();
+  std::vector<double> coordinates(300);
+  plain.point(5).fill(coordinates);
+  for (const std::uint64_t t : std::initializer_list<std::uint64_t>{0, 7, 255, 256}) {
+    Stream child = point.split(2, t);
+    Stream same = point.split(2);
+    CHECK_FALSE(child.is_point());
+    std::vector<double> u(5);
+    std::vector<double> of_same(6);
+    child.fill(u);
+    same.fill(of_same);
+    CHECK((u[0] == coordinates[t]) == (t < 256));
+    for (std::size_t i = 1; i < 5; ++i) CHECK(u[i] == of_same[t < 256 ? i + 1 : i]);
+    CHECK(point.split(2, t).split(1).bits() == point.split(2).split(1).bits());
+    CHECK(plain.split(2, t).bits() == plain.split(2).bits());
+  }
+}
+
 TEST_CASE("splits of the points of a net are independent: no sum of theirs falls faster than that of plain numbers",
           "[core][points][stream][statistical]") {
   // With the same dimensions under another key the mean of (u - 1/2)(v - 1/2) would not fall at all.

@@ -25,7 +25,8 @@
 #include <debias/pmf/dyadic.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/sde.hpp>
-#include <debias/sde/brownian.hpp>
+#include <debias/series.hpp>
+#include <debias/steady_state.hpp>
 
 using namespace debias;
 using namespace debias::trial;
@@ -206,6 +207,19 @@ TEST_CASE("the variance of a level of nets falls faster than its members, that o
   CAPTURE(plain, netted);
   CHECK(plain == Approx(16).epsilon(0.6));
   CHECK(netted > 40);
+}
+
+TEST_CASE("chains and random series gain by the first number of each of their steps", "[nets][statistical][stat]") {
+  // X = X / 2 + Z: E X^2 = 4 / 3. And the sum of 2 U_k 2^-k, which is 2.
+  const auto chain = steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0,
+                                  [](double x) { return x * x; }, contraction(0.5));
+  const auto terms = series([](std::int64_t k, Stream& rng) { return 2 * rng.uniform() * power(0.5, k); }, Rates{2, 0});
+  const Dyadic pmf({8, 8, 7, 6, 5, 4, 3}, 1);
+  CHECK(estimator_laws(nets(chain, pmf), 4.0 / 3, few) == Failures{});
+  CHECK(estimator_laws(nets(terms, pmf), 2, few) == Failures{});
+  CHECK(block_variance(nets(chain, pmf)) <
+        block_variance(nets(chain, pmf, Points::plain)) / 3);  // 3.9: the tail is left
+  CHECK(block_variance(nets(terms, pmf)) < block_variance(nets(terms, pmf, Points::plain)) / 4);
 }
 
 TEST_CASE("levels, weights, threads and replay of blocks of nets are those of any block", "[nets][exact]") {

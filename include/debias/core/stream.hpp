@@ -105,6 +105,17 @@ class Stream {
   /// An independent stream; it does not depend on how much of this one has been used.
   [[nodiscard]] Stream split(std::uint64_t branch) const { return Stream(mix(key_, branch), index_); }
 
+  /// The same; of a point, coordinate `dimension` is the first number of it, and the others are plain. So streams of their own
+  /// gain too: no two of one point may have the same dimension.
+  [[nodiscard]] Stream split(std::uint64_t branch, std::uint64_t dimension) const {
+    Stream child = split(branch);
+    if (is_point() && dimension < net_dimensions) [[unlikely]] {
+      child.block_[1] = coordinate(key_, position_, dimension);
+      child.position_ = 1;
+    }
+    return child;
+  }
+
   /// Point r of the scrambled net that this stream names, whatever has been drawn from it. Each point alone is as random as
   /// any stream; points r = 0 ... 2^m - 1 together fill the cube evenly. Number t of a point is its coordinate t: draw what
   /// matters most first. A callable whose count of numbers varies (rejection, std::gamma_distribution) keeps its mean and
@@ -144,6 +155,7 @@ class Stream {
   }
   // By value: a stream whose address is known elsewhere would not stay in registers.
   static Block point_block(std::uint64_t own_key, std::uint64_t position);
+  static std::uint64_t coordinate(std::uint64_t own_key, std::uint64_t position, std::uint64_t dimension);
   [[noreturn]] static void refuse_point(std::uint64_t r);
 
   template <class Of>
