@@ -68,7 +68,7 @@ void gain(const std::string& name, const S& sequence, const Dyadic& pmf, std::in
   benchmark::RegisterBenchmark(
       name.c_str(),
       [=](benchmark::State& state) {
-        const auto member = single_term(sequence, pmf, {.base_level = base_level, .base = Base::drawn});
+        const auto member = single_term(sequence, pmf, {.base_level = base_level, .base = Base::one_outcome});
         const Plan plan{.samples = 128, .seed = 5, .threads = 1};  // blocks: variances to 12 %
         for (auto _ : state) {
           const auto nets = estimate(stratified(member, pmf.block(), Strata::residual, Points::nets), plan);

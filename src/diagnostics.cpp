@@ -66,12 +66,12 @@ std::string with_error_of(const FittedRate& rate) {
 
 }  // namespace
 
-MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& pmf) {
+MeasuredFiniteness judge(const MeasuredRates& measured, const TailExponent& pmf) {
   const Rates rates = rates_of(measured);
   const double rho = exponent_beside(rates, pmf);
   const bool polynomial = rates.decay == Decay::polynomial;
   const double step = polynomial ? 1 : 0;
-  MeasuredVerdict v;
+  MeasuredFiniteness v;
   v.variance = finite_below(rho, measured.variance_decay.value - step, measured.variance_decay.error);
   v.fourth_moment = finite_below(3 * rho, measured.fourth_decay.value - step, measured.fourth_decay.error);
   const bool decided = measured.kind != RateKind::super_exponential || std::isfinite(rho);
@@ -88,8 +88,9 @@ MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& pmf) {
   }
 
   std::string text = std::string("variance ") + name_of(v.variance) + " (PMF exponent " + exponent_text(rho) +
-                     ", threshold " + with_error_of({measured.variance_decay.value - step, measured.variance_decay.error}) +
-                     "), work " + name_of(v.work) + " (threshold " +
+                     ", threshold " +
+                     with_error_of({measured.variance_decay.value - step, measured.variance_decay.error}) + "), work " +
+                     name_of(v.work) + " (threshold " +
                      with_error_of({measured.work_growth.value + step, measured.work_growth.error}) + "), tail index " +
                      with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
@@ -171,10 +172,10 @@ Interval batch_interval(std::span<const double> batch_means, double confidence) 
   return interval_of(moments, confidence);
 }
 
-Verdict judge(const Rates& rates, const TailExponent& pmf) {
+DeclaredFiniteness judge(const Rates& rates, const TailExponent& pmf) {
   const ExponentRange range = finite_exponents(rates);
   const double rho = exponent_beside(rates, pmf);
-  Verdict v;
+  DeclaredFiniteness v;
   v.finite_variance = std::isinf(rates.variance_decay) || rho < range.high;
   // Beside geometric rates a power law reaches every depth too often, unless the work does not grow.
   v.finite_work = rho > range.low || (rates.decay == Decay::geometric && rates.work_growth <= 0);

@@ -98,7 +98,7 @@ SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double
       }
     }
   }
-  row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
+  row.usable = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
   row.fewer_threads = s.fewer_threads;
   std::tie(row.value_work, row.difference_work) = work;
@@ -141,7 +141,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   }
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
-  Survey result = conclude(std::move(rows), plan.seed, runs.facts);
+  Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_text(fewer_threads));
   if (interrupted) {
     result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
@@ -197,7 +197,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
       break;
     }
   }
-  return conclude(std::move(rows), plan.seed, runs.facts);
+  return survey_of(std::move(rows), plan.seed, runs.facts);
 }
 
 namespace {
@@ -225,12 +225,13 @@ std::ostream& operator<<(std::ostream& out, const Survey& survey) {
           number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
           number("%.3g", r.kurtosis), number("%.2f", r.consistency), number("%.4g", r.difference_work),
           number("%.3g", 1e6 * r.seconds),
-          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.votes ? "" : "few draws"))});
+          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.usable ? "" : "few draws"))});
   }
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
   out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean_decay) << ", variance "
-      << rate_text(m.variance_decay) << ", fourth moment " << rate_text(m.fourth_decay) << ", work " << rate_text(m.work_growth) << '\n';
+      << rate_text(m.variance_decay) << ", fourth moment " << rate_text(m.fourth_decay) << ", work "
+      << rate_text(m.work_growth) << '\n';
   out << "a PMF with finite variance and finite work exists: " << name_of(survey.pmf_exists);
   if (survey.pmf_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
   out << '\n';

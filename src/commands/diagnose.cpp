@@ -253,7 +253,7 @@ void print(std::ostream& out, const Diagnosis& d) {
   for (const std::string& warning : d.warnings) print_line(out, "warning", warning);
 }
 
-void conclude(Diagnosis& d) {
+void judge(Diagnosis& d) {
   if (d.nonfinite > 0 || d.moments.count < 2) return;
   d.interval = interval_of(d.moments);
   if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);
@@ -279,7 +279,7 @@ Diagnosis diagnose(const DiagnoseRequest& request) {
                          [&sums](std::span<const double> values, std::int64_t row) { sums.add(values, row); });
   sums.finish(d);
   if (d.read.format != numbers::Format::text) d.unit = "value";
-  conclude(d);
+  judge(d);
   return d;
 }
 

@@ -22,7 +22,7 @@ std::string joined(const BadRequest::Pieces& pieces, const std::function<std::st
 }
 
 bool is_single_term(catalog::Method method) {
-  return method == catalog::Method::single_term || method == catalog::Method::single_term_drawn;
+  return method == catalog::Method::single_term || method == catalog::Method::single_term_outcome;
 }
 
 // The method of a shape, if the problem has it.
@@ -110,7 +110,7 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
   const catalog::Method method = method_of(shape, problem);
   if (!is_single_term(method)) {
     throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
-                                           "' (a sweep is for single_term and single_term_drawn); leave it out"});
+                                           "' (a sweep is for single_term and single_term_outcome); leave it out"});
   }
   return {method, AnyPmf(Geometric(0.5)), shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
 }
@@ -128,10 +128,10 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
       !is_single_term(method_of(shape, problem))) {
     throw BadRequest(
         {pmf_field,
-         " auto: '" + name_of(*shape.estimator) + "' (a recipe is for single_term and single_term_drawn); leave ",
+         " auto: '" + name_of(*shape.estimator) + "' (a recipe is for single_term and single_term_outcome); leave ",
          estimator_field, " out"});
   }
-  options.base = shape.estimator->method == catalog::Method::single_term ? Base::always : Base::drawn;
+  options.base = shape.estimator->method == catalog::Method::single_term ? Base::every_sample : Base::one_outcome;
   return options;
 }
 

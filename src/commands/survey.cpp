@@ -55,7 +55,7 @@ Fields fields(const SurveyReport& s) {
                               {"value_work", r.value_work},
                               {"difference_work", r.difference_work},
                               {"seconds", r.seconds},
-                              {"votes", r.votes},
+                              {"usable", r.usable},
                               {"fitted", r.fitted}};
               })}});
   append(f, versions());

@@ -176,15 +176,15 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const auto start = std::chrono::steady_clock::now();
   Ranks* const ranks = plan.ranks;
   const bool leads = ranks == nullptr || ranks->leads();
-  Work work(chunk);
-  work.state.identity = identity;
+  ChunkQueue queue(chunk);
+  queue.state.identity = identity;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
   const auto begin = [&] {
     check_plan(plan);
     const std::int64_t end = plan.first + plan.samples;
-    RunState& state = work.state;
+    RunState& state = queue.state;
     if (plan.earlier) {
       state.merge(*plan.earlier);
       if (state.last() > end || (state.last() > 0 && state.first() < plan.first)) {
@@ -207,16 +207,16 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   };
   if (ranks == nullptr) {
     begin();
-    for (const RunState::Range& samples : missing) work.give(samples);
-    work.close();
+    for (const RunState::Range& samples : missing) queue.give(samples);
+    queue.close();
   } else {
     ranks->agree(description(plan, identity, chunk), begin);
   }
-  const double earlier_seconds = work.state.seconds;
-  work.state.pilot += plan.pilot;
+  const double earlier_seconds = queue.state.seconds;
+  queue.state.pilot += plan.pilot;
   if (!leads) {
-    work.state = RunState(chunk);
-    work.state.identity = identity;
+    queue.state = RunState(chunk);
+    queue.state.identity = identity;
   }
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -225,7 +225,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   // A save may not cost more than a hundredth of the run.
   double next_save = earlier_seconds + save_interval;
   const auto save = [&] {
-    RunState finished = work.finished();
+    RunState finished = queue.finished();
     // Extremes that hold the samples of a cut chunk without its sums would count them twice.
     if (known > 0 && !finished.missing({std::max(plan.first, known / chunk * chunk), known}).empty()) return;
     finished.seconds = seconds_now();
@@ -246,34 +246,34 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const auto draw_chunks = [&](bool tells, bool alone) {
     Recorder recorder;
     for (;;) {
-      const auto [first, last] = work.take();
+      const auto [first, last] = queue.take();
       if (first >= last) break;
       recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
       try {
         body(first, last, recorder);
         const Accumulator& sums = recorder.end_chunk();
         try {
-          work.add({first, last}, sums, recorder.extremes());
+          queue.add({first, last}, sums, recorder.extremes());
         } catch (const std::bad_alloc&) {  // half of it may be there
-          work.interrupt(std::current_exception());
+          queue.interrupt(std::current_exception());
           break;
         }
       } catch (const std::bad_alloc&) {
         if (alone) {
-          work.fail(recorder.next_index(), std::current_exception());
+          queue.fail(recorder.next_index(), std::current_exception());
         } else {
-          work.give_back({first, last});
+          queue.give_back({first, last});
           gave_up = true;
         }
         break;
       } catch (...) {
-        work.fail(recorder.next_index(), std::current_exception());
+        queue.fail(recorder.next_index(), std::current_exception());
         break;
       }
       try {
-        if (tells) tell(work.look().drawn);
+        if (tells) tell(queue.look().drawn);
       } catch (...) {
-        work.interrupt(std::current_exception());
+        queue.interrupt(std::current_exception());
       }
     }
   };
@@ -282,9 +282,9 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       draw_chunks(tells, alone);
     } catch (const std::bad_alloc&) {  // none for its sums
       gave_up = true;
-      if (alone) work.interrupt(std::current_exception());
+      if (alone) queue.interrupt(std::current_exception());
     }
-    work.end_thread();
+    queue.end_thread();
   };
 
   const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
@@ -296,13 +296,13 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     for (; drawing < threads; ++drawing) {
       bool begun = false;
       try {
-        work.begin_thread();
+        queue.begin_thread();
         begun = true;
         helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
       } catch (...) {  // the machine has no more threads: those that are there do it all
-        if (begun) work.end_thread();
+        if (begun) queue.end_thread();
         if (drawing == 0) {
-          work.interrupt(std::make_exception_ptr(std::invalid_argument(
+          queue.interrupt(std::make_exception_ptr(std::invalid_argument(
               "a rank could not start the thread that draws (a limit such as ulimit, or the machine, grants no more); "
               "start fewer ranks")));
         }
@@ -310,38 +310,38 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       }
     }
     if (ranks == nullptr) {
-      work.begin_thread();
+      queue.begin_thread();
       draw(plan.save || plan.progress, threads == 1);
     } else {  // the caller serves the others, so that neither waits for a long sample of the other
-      ranks->serve(work, missing, static_cast<bool>(plan.save), tell);
+      ranks->serve(queue, missing, static_cast<bool>(plan.save), tell);
     }
   }
   if (gave_up && ranks == nullptr && threads > 1) {  // draws what was given back
-    work.begin_thread();
+    queue.begin_thread();
     draw(plan.save || plan.progress, true);
   }
-  const auto conclude = [&] {
+  const auto seal = [&] {
     if (plan.save) save();
-    work.state.seconds = seconds_now();
+    queue.state.seconds = seconds_now();
   };
-  ranks == nullptr ? conclude() : ranks->end(work, conclude);
+  ranks == nullptr ? seal() : ranks->end(queue, seal);
   bool short_of_memory = false;
-  if (work.failure) {
+  if (queue.failure) {
     try {
-      std::rethrow_exception(work.failure);
+      std::rethrow_exception(queue.failure);
     } catch (const Interrupted&) {
       throw;
     } catch (const std::bad_alloc&) {
-      if (work.failed_index != Work::no_index) rethrow_with_sample(plan.seed, work.failed_index);
+      if (queue.failed_index != ChunkQueue::no_index) rethrow_with_sample(plan.seed, queue.failed_index);
       if (ranks != nullptr || threads == 1) throw;
       short_of_memory = true;
     } catch (...) {
-      if (work.failed_index == Work::no_index) throw;
-      rethrow_with_sample(plan.seed, work.failed_index);
+      if (queue.failed_index == ChunkQueue::no_index) throw;
+      rethrow_with_sample(plan.seed, queue.failed_index);
     }
   }
   if (short_of_memory) {  // the threads took it from one another: alone, one may have enough, for the same bits
-    work.state = RunState(chunk);
+    queue.state = RunState(chunk);
     Plan alone = plan;
     alone.threads = 1;
     Statistics statistics = run(alone, identity, chunk, body);
@@ -349,8 +349,8 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     statistics.warnings.push_back(fewer_threads_text(1));
     return statistics;
   }
-  work.state.identity = identity;  // with its type, also where the sums came from another rank
-  Statistics statistics = finish(plan.seed, std::move(work.state));
+  queue.state.identity = identity;  // with its type, also where the sums came from another rank
+  Statistics statistics = finish(plan.seed, std::move(queue.state));
   if (statistics.moments.count != plan.samples) {
     throw std::logic_error("estimate: " + std::to_string(statistics.moments.count) + " of " +
                            std::to_string(plan.samples) +
@@ -400,7 +400,7 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, d
   // Of the variance: with the aim below the wish, two errors.
   const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
-  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
+  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.norm();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
   if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
   const double error = Goal::aim * wish;
@@ -430,7 +430,7 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
 }
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
-  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
+  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.norm())) return;
   s.warnings.emplace_back(
       "the standard error is below the rounding of single-precision values, which may have moved "
       "the mean by more; compute the values in double.");
@@ -478,7 +478,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
       // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
       const auto have = static_cast<double>(s.samples);
       const bool equal = !(s.moments.m2 > 0);
-      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.size() > 3 * s.total_error());
+      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.norm() > 3 * s.total_error());
       const bool rare = hits_of(s) < enough_hits && have < wanted;
       const std::int64_t most =
           equal ? std::int64_t{1} << 16 : std::clamp(16 * plan.samples, std::int64_t{1} << 16, most_pilot_samples);

@@ -5,25 +5,25 @@
 
 namespace debias::detail {
 
-void Work::give(const Range& samples) {
+void ChunkQueue::give(const Range& samples) {
   const std::lock_guard lock(mutex_);
   samples_.push_back(samples);
   more_.notify_all();
 }
 
-void Work::give_back(const Range& samples) noexcept {
+void ChunkQueue::give_back(const Range& samples) noexcept {
   const std::lock_guard lock(mutex_);
   returned_.push_back(samples);
   more_.notify_all();
 }
 
-void Work::close() {
+void ChunkQueue::close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;
   more_.notify_all();
 }
 
-Work::Range Work::take() {
+ChunkQueue::Range ChunkQueue::take() {
   std::unique_lock lock(mutex_);
   if (!returned_.empty() && returned_.back().first < look_.limit) {
     const Range chunk = returned_.back();
@@ -47,14 +47,14 @@ Work::Range Work::take() {
   return {begin, end};
 }
 
-void Work::add(const Range& samples, const Accumulator& sums, Extremes& extremes) {
+void ChunkQueue::add(const Range& samples, const Accumulator& sums, Extremes& extremes) {
   const std::lock_guard lock(mutex_);
   state.add_chunk(samples.first, samples.second, sums);
   extremes.hand_over(state.extremes);
   look_.drawn += samples.second - samples.first;
 }
 
-void Work::fail(std::int64_t index, std::exception_ptr why) {
+void ChunkQueue::fail(std::int64_t index, std::exception_ptr why) {
   const std::lock_guard lock(mutex_);
   look_.limit = std::min(look_.limit, index);
   if (index >= failed_index) return;
@@ -62,56 +62,56 @@ void Work::fail(std::int64_t index, std::exception_ptr why) {
   failure = std::move(why);
 }
 
-void Work::interrupt(std::exception_ptr why) {
+void ChunkQueue::interrupt(std::exception_ptr why) {
   const std::lock_guard lock(mutex_);
   look_.limit = 0;
   if (!failure) failure = std::move(why);
 }
 
-void Work::stop_at(std::int64_t index) {
+void ChunkQueue::stop_at(std::int64_t index) {
   const std::lock_guard lock(mutex_);
   look_.limit = std::min(look_.limit, index);
 }
 
-RunState Work::finished() const {
+RunState ChunkQueue::finished() const {
   const std::lock_guard lock(mutex_);
   return state;
 }
 
-RunState Work::take_finished() {
+RunState ChunkQueue::take_finished() {
   const std::lock_guard lock(mutex_);
   RunState empty(state.chunk());
   empty.identity = state.identity;
   return std::exchange(state, std::move(empty));
 }
 
-void Work::merge(const RunState& sums) {
+void ChunkQueue::merge(const RunState& sums) {
   const std::lock_guard lock(mutex_);
   state.merge(sums);
 }
 
-void Work::begin_thread() {
+void ChunkQueue::begin_thread() {
   const std::lock_guard lock(mutex_);
   returned_.reserve(begun_ + 1);
   ++begun_;
   ++look_.threads;
 }
 
-void Work::end_thread() {
+void ChunkQueue::end_thread() {
   const std::lock_guard lock(mutex_);
   --look_.threads;
   news_pending_ = true;
   news_.notify_one();
 }
 
-Work::Look Work::look() const {
+ChunkQueue::Look ChunkQueue::look() const {
   const std::lock_guard lock(mutex_);
   Look now = look_;
   now.hungry = waiting_ > 0 && samples_.empty() && !closed_;
   return now;
 }
 
-void Work::wait(std::chrono::microseconds time) {
+void ChunkQueue::wait(std::chrono::microseconds time) {
   std::unique_lock lock(mutex_);
   news_.wait_for(lock, time, [this] { return news_pending_; });
   news_pending_ = false;

@@ -2,8 +2,8 @@
 
 // A run as one process sees it.
 //
-//   Work    chunks to draw, and the sums of those that are drawn: what the threads of the process share
-//   Ranks   the processes that share the samples of a run; src/mpi has those of an MPI communicator
+//   ChunkQueue   chunks to draw, and the sums of those that are drawn: what the threads of the process share
+//   Ranks        the processes that share the samples of a run; src/mpi has those of an MPI communicator
 //
 // Which thread or rank drew a chunk cannot matter: sums travel as the nodes of RunState's fixed tree. Chunks
 // are handed out in the order of their samples, and one that begins before the first failure known is always
@@ -30,12 +30,12 @@ namespace debias::detail {
 
 /// Members may be called from any thread; `state`, `failure` and `failed_index` are free where no thread
 /// draws.
-class Work {
+class ChunkQueue {
  public:
   using Range = RunState::Range;
   static constexpr std::int64_t no_index = std::numeric_limits<std::int64_t>::max();
 
-  explicit Work(std::int64_t chunk) : state(chunk) {}
+  explicit ChunkQueue(std::int64_t chunk) : state(chunk) {}
 
   /// Samples to draw, behind all that were given before.
   void give(const Range& samples);
@@ -104,14 +104,14 @@ class Ranks {
   /// The last call, after whatever failure of its own: returns when all ranks have made it. Those that have
   /// not yet throw the failure from what else they call.
   virtual void leave(std::exception_ptr failure) = 0;
-  /// Feeds the threads of `work` until all ranks have drawn `samples` or stopped. On the leading rank, whose
+  /// Feeds the threads of `queue` until all ranks have drawn `samples` or stopped. On the leading rank, whose
   /// `samples` count, `tell` is called with the number that all ranks have drawn, and ends the run by what it
   /// throws; sums that it wants to save (`saves`) come to it all the time.
-  virtual void serve(Work& work, const std::vector<Work::Range>& samples, bool saves,
+  virtual void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool saves,
                      const std::function<void(std::int64_t drawn)>& tell) = 0;
-  /// Gives all ranks the sums of all, or the failure with the smallest index. `conclude` runs on the leading
+  /// Gives all ranks the sums of all, or the failure with the smallest index. `seal` runs on the leading
   /// rank in between, when it has them all.
-  virtual void end(Work& work, const std::function<void()>& conclude) = 0;
+  virtual void end(ChunkQueue& queue, const std::function<void()>& seal) = 0;
 };
 
 /// What `make` returns on the leading rank, on all of them: a number that each would find another one for.

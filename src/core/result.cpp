@@ -164,7 +164,7 @@ double Statistics::total_error() const {
   return std::sqrt(square);
 }
 
-double Statistics::size() const {
+double Statistics::norm() const {
   double square = 0;
   for (const ComponentEstimate& c : components) square += c.mean * c.mean;
   return std::sqrt(square);
@@ -176,7 +176,7 @@ bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
   if (goal.error > 0) return goal_error() <= goal.error;
-  if (goal.relative_error > 0) return size() > 0 && goal_error() <= goal.relative_error * size();
+  if (goal.relative_error > 0) return norm() > 0 && goal_error() <= goal.relative_error * norm();
   return seconds <= goal.seconds;
 }
 
@@ -256,13 +256,13 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
     const std::string what = biased ? "error " : "standard error ";
     if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s.goal_error(), parts));
     if (g.relative_error > 0) {
-      const double size = s.size();
-      const bool told = size > 3 * s.goal_error();
-      const std::string of_zero = size == 0 ? " of a mean of 0"
+      const double norm = s.norm();
+      const bool told = norm > 3 * s.goal_error();
+      const std::string of_zero = norm == 0 ? " of a mean of 0"
                                   : told
                                       ? ""
                                       : "; the mean is not told from 0, its error is " + format("%.3g", s.goal_error());
-      const double reached = size == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / size;
+      const double reached = norm == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / norm;
       line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
     }
     if (g.seconds > 0) line("goal", format("%g", g.seconds) + " seconds" + outcome(s.seconds, ""));

@@ -31,7 +31,7 @@ struct Gathered {
   auto operator()(Stream& rng, R& record) const {
     return draw_sample(estimator, rng, record);
   }
-  void rehearse(const std::function<void()>& draws) const { lookups->rehearse(draws); }
+  void collect_queries(const std::function<void()>& draws) const { lookups->collect_queries(draws); }
   [[nodiscard]] std::string describe() const { return description(estimator); }
   [[nodiscard]] std::int64_t chunk() const { return debias::detail::chunk_of(estimator); }
   [[nodiscard]] std::string name() const requires HasName<E> { return estimator.name(); }
@@ -58,7 +58,7 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
   };
   runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
     const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
-    lookups->rehearse(mean_work);
+    lookups->collect_queries(mean_work);
     return mean_work();
   };
   if constexpr (OffersSharedBase<S>) {
@@ -84,13 +84,13 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   p.formula = facts.formula;
   p.rates = facts.rates;
   p.lowest_base = facts.lowest_base;
-  p.methods = {Method::single_term, Method::single_term_drawn, Method::independent_sum, Method::truncated};
+  p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
   p.run = [with, lookups](const Choice& choice, const Plan& plan) {
     return with(choice, [&](const auto& e) -> Statistics { return gathered_run(e, *lookups, plan); });
   };
   p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
     return with(choice, [&](const auto& e) {
-      lookups->rehearse([&] { trace(e, seed, index); });
+      lookups->collect_queries([&] { trace(e, seed, index); });
       auto t = trace(e, seed, index);
       return Trace<double>{{as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels)};
     });
@@ -107,7 +107,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
           for (std::size_t j = 0; j < component_count(value); ++j) out[filled++] = component(value, j);
         }
       };
-      lookups->rehearse(draw_all);
+      lookups->collect_queries(draw_all);
       draw_all();
     });
   };
@@ -142,10 +142,10 @@ struct Levels {
   }
 
  private:
-  // No numbers in a rehearsal.
+  // No numbers in the first pass.
   [[nodiscard]] std::pair<std::span<const double>, double> look_up(std::int64_t level, Stream& rng) const {
     const double work = lookups->size(level).work;
-    if (!lookups->rehearsing()) return {lookups->next(level), work};
+    if (!lookups->collecting()) return {lookups->next(level), work};
     rng.fill(lookups->ask(level));
     return {{}, work};
   }
@@ -242,12 +242,12 @@ struct Integrand {
   std::shared_ptr<Lookups> lookups;
 
   double operator()(double x) const {
-    if (!lookups->rehearsing()) return lookups->next(0).front();
+    if (!lookups->collecting()) return lookups->next(0).front();
     lookups->ask(0).front() = x;
     return 0;
   }
   double operator()(Stream& rng) const {
-    if (!lookups->rehearsing()) return lookups->next(0).front();
+    if (!lookups->collecting()) return lookups->next(0).front();
     rng.fill(lookups->ask(0));
     return 0;
   }

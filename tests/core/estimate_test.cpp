@@ -56,25 +56,25 @@ struct NoisyHalves {
 
 const auto debiased = single_term(squared_mean, Geometric(0.6));
 
-/// The same, made in the rehearsal and only handed out in the run.
-struct Rehearsed {
+/// The same, made in the first pass and only handed out in the run.
+struct Collected {
   struct Memory {
     std::vector<Sample<double>> samples;
     std::size_t next = 0;
-    bool rehearsing = false;
+    bool collecting = false;
   };
   Memory* memory;
 
   Sample<double> operator()(Stream& rng) const {
-    if (!memory->rehearsing) return memory->samples.at(memory->next++);
+    if (!memory->collecting) return memory->samples.at(memory->next++);
     NullRecord record;
     memory->samples.push_back(debiased(rng, record));
     return {};
   }
-  void rehearse(const std::function<void()>& draws) const {
-    *memory = {.samples = {}, .next = 0, .rehearsing = true};
+  void collect_queries(const std::function<void()>& draws) const {
+    *memory = {.samples = {}, .next = 0, .collecting = true};
     draws();
-    memory->rehearsing = false;
+    memory->collecting = false;
   }
 };
 
@@ -87,8 +87,8 @@ auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threa
 
 // ---- equal bits
 
-TEST_CASE("an estimator that rehearses sees each draw before it counts, in order", "[core][estimate][exact]") {
-  Rehearsed::Memory memory;
+TEST_CASE("an estimator that collects queries sees each draw before it counts, in order", "[core][estimate][exact]") {
+  Collected::Memory memory;
   const auto silent = [](Stream& rng) {
     NullRecord record;
     return debiased(rng, record);
@@ -98,8 +98,8 @@ TEST_CASE("an estimator that rehearses sees each draw before it counts, in order
                            Plan{.seed = 7, .threads = 1, .goal = {.error = 0.02}}}) {
     CAPTURE(plan.samples);
     const auto expected = estimate(silent, plan);
-    const auto rehearsed = estimate(Rehearsed{&memory}, plan);
-    CHECK(bits_of(rehearsed) == bits_of(expected));
+    const auto collected = estimate(Collected{&memory}, plan);
+    CHECK(bits_of(collected) == bits_of(expected));
     CHECK(memory.next == memory.samples.size());
   }
 }

@@ -48,7 +48,7 @@ const auto waves = [](std::int64_t level, Stream& rng) {
 
 template <class S>
 auto nets(const S& sequence, const Dyadic& pmf, Points points = Points::nets, std::int64_t base_level = 0) {
-  return stratified(single_term(sequence, pmf, {.base_level = base_level, .base = Base::drawn}), pmf.block(),
+  return stratified(single_term(sequence, pmf, {.base_level = base_level, .base = Base::one_outcome}), pmf.block(),
                     Strata::residual, points);
 }
 
@@ -131,7 +131,7 @@ TEST_CASE("nets are unbiased with any strata and PMF, and with roulette", "[nets
   const auto terms = [](Stream& rng) {
     return [&rng, k = std::int64_t{0}]() mutable { return Term<double>{2 * rng.uniform() * power(0.5, k++)}; };
   };
-  const auto single = single_term(waves, Geometric(0.6), {.base = Base::drawn});
+  const auto single = single_term(waves, Geometric(0.6), {.base = Base::one_outcome});
   for (const Strata strata : {Strata::systematic, Strata::uniform, Strata::residual}) {
     CAPTURE(name_of(strata));
     CHECK(estimator_laws(stratified(single, 40, strata, Points::nets), 2, few) == Failures{});
@@ -246,7 +246,7 @@ TEST_CASE("levels, weights, threads and replay of blocks of nets are those of an
   // The same from a PMF chosen at run time.
   const AnyPmf any = AnyPmf::parse(dyadic.spec());
   const auto erased =
-      stratified(single_term(waves, any, {.base = Base::drawn}), any.block(), Strata::residual, Points::nets);
+      stratified(single_term(waves, any, {.base = Base::one_outcome}), any.block(), Strata::residual, Points::nets);
   CHECK(estimate(erased, {.samples = 40, .seed = 3}).mean == run.mean);
 }
 
@@ -271,9 +271,9 @@ TEST_CASE("nets of what they cannot be made of are refused", "[nets][exact]") {
   const auto refused = [](const auto& e, std::int64_t block, Strata strata, const char* message) {
     CHECK_THROWS_WITH(stratified(e, block, strata, Points::nets), Catch::Contains(message));
   };
-  refused(single_term(waves, Geometric(0.6)), 64, Strata::systematic, "Base::drawn");
+  refused(single_term(waves, Geometric(0.6)), 64, Strata::systematic, "Base::one_outcome");
   refused(independent_sum(waves, Geometric(0.6)), 64, Strata::residual, "several streams");
-  const auto drawn = [](const Dyadic& pmf) { return single_term(waves, pmf, {.base = Base::drawn}); };
+  const auto drawn = [](const Dyadic& pmf) { return single_term(waves, pmf, {.base = Base::one_outcome}); };
   refused(drawn(dyadic), 64, Strata::residual, "blocks of 91");
   refused(drawn(Dyadic({28}, 1.25)), (1 << 28) + 1, Strata::residual, "134217728 points");
   CHECK_THROWS_WITH(stratified(drawn(dyadic), 64, Strata::residual), Catch::Contains("take pmf.block()"));

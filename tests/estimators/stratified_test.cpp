@@ -93,13 +93,13 @@ struct Skewed {
 
 }  // namespace
 
-TEST_CASE("stratified blocks are unbiased and honest on three sequences, base always or drawn",
+TEST_CASE("stratified blocks are unbiased and honest on three sequences, base in every sample or one outcome",
           "[stratified][statistical][stat]") {
   const auto check = [](const auto& sequence, double truth) {
     for (const Strata strata : all_strata) {
-      for (const Base how : {Base::always, Base::drawn}) {
+      for (const Base how : {Base::every_sample, Base::one_outcome}) {
         for (const std::int64_t block : {1, 16}) {
-          CAPTURE(name_of(strata), how == Base::drawn, block);
+          CAPTURE(name_of(strata), how == Base::one_outcome, block);
           CHECK(estimator_laws(stratified(single_term(sequence, pmf, {.base = how}), block, strata), truth, few) ==
                 Failures{});
         }
@@ -140,7 +140,7 @@ TEST_CASE("residual strata of a PMF without a falling tail are refused, not sear
 
 TEST_CASE("every level gets its share of a block: whole parts exactly, fractions in the mean", "[stratified][exact]") {
   const std::int64_t n = 40;
-  const auto member = single_term(Steady{}, pmf, {.base = Base::drawn});
+  const auto member = single_term(Steady{}, pmf, {.base = Base::one_outcome});
   for (const Strata strata : all_strata) {
     const auto e = stratified(member, n, strata);
     std::map<std::int64_t, std::int64_t> total;
@@ -180,7 +180,7 @@ TEST_CASE("strata take out the variance of choosing the level: n Var Z tends to 
     independent += (variance + power(0.25, k)) / p.mass(k);
   }
   REQUIRE(independent > 4 * within);
-  const auto member = single_term(NoisySeries{}, p, {.base = Base::drawn});
+  const auto member = single_term(NoisySeries{}, p, {.base = Base::one_outcome});
   const std::int64_t block = 256;
   const std::int64_t members = block << 12;  // the variance of 4096 blocks is known to 2.2 %
   CHECK(member_variance(member, members, 1) == Approx(independent).epsilon(0.05));
@@ -229,16 +229,16 @@ TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified]
   CHECK(run.levels.at(1).probability == 0.6);
 }
 
-TEST_CASE("members that run together are unbiased and honest, and stratified over their first number",
+TEST_CASE("members that run together are unbiased and honest, and stratified over their first uniform",
           "[stratified][statistical][stat]") {
   const auto f = [](double x) { return 4 + 3 * std::sin(17 * x); };
   const double tau = 4 + 3 * (1 - std::cos(17.0)) / 17;
   const auto comb = function_of_integral(f, functions::ExpMinus{});
   static_assert(BatchesLevels<decltype(comb)>);
   for (const Strata strata : all_strata) {
-    for (const Base how : {Base::always, Base::drawn}) {
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
       for (const std::int64_t block : {1, 16, 200}) {
-        CAPTURE(name_of(strata), how == Base::drawn, block);
+        CAPTURE(name_of(strata), how == Base::one_outcome, block);
         CHECK(estimator_laws(stratified(single_term(comb, pmf, {.base_level = 2, .base = how}), block, strata),
                              std::exp(-tau), few) == Failures{});
       }
@@ -246,13 +246,13 @@ TEST_CASE("members that run together are unbiased and honest, and stratified ove
   }
   // The same members one by one: a sequence behind a lambda offers no batch.
   const auto alone = [comb](std::int64_t level, Stream& rng) { return comb(level, rng); };
-  const auto together = stratified(single_term(comb, pmf, {.base_level = 2, .base = Base::drawn}), 64);
-  const auto apart = stratified(single_term(alone, pmf, {.base_level = 2, .base = Base::drawn}), 64);
+  const auto together = stratified(single_term(comb, pmf, {.base_level = 2, .base = Base::one_outcome}), 64);
+  const auto apart = stratified(single_term(alone, pmf, {.base_level = 2, .base = Base::one_outcome}), 64);
   CHECK(member_variance(together, 1 << 16, 64) < 0.3 * member_variance(apart, 1 << 16, 64));
 
   const auto call = [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); };
   const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
-  for (const Base how : {Base::always, Base::drawn}) {
+  for (const Base how : {Base::every_sample, Base::one_outcome}) {
     CHECK(
         estimator_laws(stratified(single_term(milstein(stock, call), Geometric::with_exponent(1.5), {.base = how}), 64),
                        10.450583572185565, few) == Failures{});

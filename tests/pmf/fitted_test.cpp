@@ -190,7 +190,7 @@ TEST_CASE("where the members of a level run together no other masses are better 
 TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)", "[pmf][fitted][exact]") {
   TermMoments m = square_of_mean(24);
   const double mean = 1;
-  m.fixed_variance = -mean * mean;  // Base::drawn with independent members: V = sum a / p - I^2
+  m.fixed_variance = -mean * mean;  // Base::one_outcome with independent members: V = sum a / p - I^2
   const std::vector<double> p = best_masses(m);
   const VarianceAndWork best = predict(m, p);
   const double kappa = best.work * mean * mean / best.variance;

@@ -98,26 +98,26 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     return debias::draw_sample(estimator, rng, record);
   };
   Plan fixed = plan;
-  if constexpr (Rehearses<E>) fixed.threads = 1;
-  std::int64_t rehearsed = plan.first;
-  const auto rehearse = [&](std::int64_t first, std::int64_t last) {
-    if constexpr (Rehearses<E>) {
-      estimator.rehearse([&] {
+  if constexpr (CollectsQueries<E>) fixed.threads = 1;
+  std::int64_t collected = plan.first;
+  const auto collect_queries = [&](std::int64_t first, std::int64_t last) {
+    if constexpr (CollectsQueries<E>) {
+      estimator.collect_queries([&] {
         NullRecord record;
         for (std::int64_t i = first; i < last; ++i) draw(i, record);
       });
     }
   };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    if constexpr (Rehearses<E>) {
+    if constexpr (CollectsQueries<E>) {
       if (pilot) {
-        rehearse(first, last);
-      } else if (first >= rehearsed) {  // some whole chunks at once
+        collect_queries(first, last);
+      } else if (first >= collected) {  // some whole chunks at once
         constexpr std::int64_t size = 1 << 16;
-        rehearsed = fixed.earlier || fixed.ranks != nullptr
+        collected = fixed.earlier || fixed.ranks != nullptr
                         ? last
                         : std::min((first / size + 1) * size, fixed.first + fixed.samples);
-        rehearse(first, rehearsed);
+        collect_queries(first, collected);
       }
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
@@ -156,7 +156,7 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
     NullRecord record;
-    rehearse(plan.first, plan.first + 1);
+    collect_queries(plan.first, plan.first + 1);
     return Result<V>(std::move(statistics), draw(plan.first, record).value);
   }
 }

@@ -78,12 +78,12 @@ template <Estimator E>
 using estimate_value_t =
     decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
 
-/// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
-/// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
-/// its questions in the first pass and has the answers at hand in the second. Such a run takes one thread.
+/// An estimator that runs a chunk twice: first to collect its queries, then to record the samples.
+/// `collect_queries(draws)` calls draws(), or does not; then the same draws run again, in the same order. What looks
+/// numbers up somewhere slow has the answers at hand in the second pass. Such a run takes one thread.
 template <class E>
-concept Rehearses = requires(const E& e, const std::function<void()>& draws) {
-  e.rehearse(draws);
+concept CollectsQueries = requires(const E& e, const std::function<void()>& draws) {
+  e.collect_queries(draws);
 };
 
 /// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.

@@ -12,7 +12,7 @@
 // efficiency of multilevel Monte Carlo, without its bias. One block is one sample: blocks are independent, so their
 // standard error is honest. It takes some hundred blocks; a sample index names a block.
 // The members of one level run together where the sequence has batch hooks, and are then stratified once more: over
-// the first number that they draw, the offset of a comb (core/stream_batch.hpp).
+// the first uniform that they draw, the offset of a comb (core/stream_batch.hpp).
 // With Points::nets the N_k members of a level are points 0 ... N_k - 1 of a net of its own in each block (core/points.hpp):
 // N_k does not depend on the points, so E Z = I as before, and the variance of a level may fall like N_k^-2 or faster. The gain
 // needs N_k that are whole powers of two, the same in all blocks: pmf/dyadic.hpp with residual strata, base drawn. Members that
@@ -238,7 +238,7 @@ class Stratified {
     if (!one_stream) {
       throw std::invalid_argument("stratified: nets with " + debias::description(estimator_) +
                                   " (its samples take the numbers of several streams, and a point is one); take "
-                                  "single_term with Base::drawn");
+                                  "single_term with Base::one_outcome");
     }
     nets_ = block_;
     std::int64_t largest = block_;
@@ -328,7 +328,7 @@ class Stratified {
 };
 
 /// Blocks of `block` members: `estimate(stratified(single_term(s, pmf), 64), {.samples = 10'000})` draws 640,000.
-/// With nets: `stratified(single_term(s, pmf, {.base = Base::drawn}), pmf.block(), Strata::residual, Points::nets)`, where
+/// With nets: `stratified(single_term(s, pmf, {.base = Base::one_outcome}), pmf.block(), Strata::residual, Points::nets)`, where
 /// `const Dyadic pmf({10, 8, 6, 4}, 1.25)`; 32 blocks or more make an error that can be trusted.
 template <StratifiableEstimator E>
 Stratified<E> stratified(E estimator, std::int64_t block, Strata strata = Strata::systematic,

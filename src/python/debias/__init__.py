@@ -335,7 +335,7 @@ def _pmf(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool
     needs = pmf is None and estimator not in ("truncated", "multilevel")
     if not needs or not isinstance(problem, Problem) or problem.declares_rates:
         return pmf
-    if pilot and estimator in (None, "single_term", "single_term_drawn"):
+    if pilot and estimator in (None, "single_term", "single_term_outcome"):
         return "auto"
     raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
                      "an estimate")

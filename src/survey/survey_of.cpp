@@ -232,7 +232,7 @@ class Conclusion {
         break;
       }
       if (least == rows.size() || row.second_moment < rows[least].second_moment) least = i;
-      if (row.votes) usable.push_back(i);
+      if (row.usable) usable.push_back(i);
     }
     return usable;
   }
@@ -377,12 +377,12 @@ class Conclusion {
     if (first >= 0) remark(levels_text(first, last) + " not yet asymptotic: left out of the fit");
     first = -1;
     for (std::size_t i = first_fitted; i < rows.size(); ++i) {
-      if (rows[i].votes || rows[i].second_moment == 0) continue;
+      if (rows[i].usable || rows[i].second_moment == 0) continue;
       if (first < 0) first = rows[i].level;
       last = rows[i].level;
     }
     if (first >= 0) {
-      remark(levels_text(first, last) + " with fewer draws than 10 times their kurtosis: no vote in the fit");
+      remark(levels_text(first, last) + " with fewer draws than 10 times their kurtosis: not usable in the fit");
     }
   }
 
@@ -393,7 +393,7 @@ class Conclusion {
 
 }  // namespace
 
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
+Survey survey_of(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
   return Conclusion(std::move(rows), seed, sequence, budget_spent).draw();
 }
 
