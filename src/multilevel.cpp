@@ -29,7 +29,8 @@ constexpr std::int64_t pilot_first = std::int64_t{1} << 50;  // its samples: non
 struct Level {
   std::int64_t draws = 0;
   double work = 0;
-  double second = 0;  // sums of the norm, squared and to the fourth
+  double size = 0;    // of squares: fourth powers of others might leave the range of doubles
+  double second = 0;  // sums of the norm, squared and to the fourth, in that unit
   double fourth = 0;
   std::vector<Moments> components;
 
@@ -48,8 +49,10 @@ struct Level {
     }
     for (const LevelRow& row : s.levels) {
       if (row.is_base) continue;
-      second += n * row.second_moment;
-      fourth += n * row.fourth_moment;
+      if (size == 0) size = row.second_moment;
+      const double square = size > 0 ? row.second_moment / size : 0;
+      second += n * square;
+      fourth += n * row.kurtosis * square * square;
     }
     draws += s.samples;
     work += s.work;

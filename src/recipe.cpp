@@ -29,8 +29,8 @@ constexpr int most_stages = 12;
 constexpr double pilot_share = 1.0 / 32;  // of the work of the run
 constexpr double most_base_work = 64;     // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
-constexpr double fewest_blocks = 2048;
-constexpr double fewest_together = 1024;  // blocks whose members run together: the longer they are, the quieter
+constexpr double fewest_blocks = 512;
+constexpr double fewest_together = 512;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
@@ -108,7 +108,7 @@ class Choice {
   // The bounds of the exponent of a tail.
   [[nodiscard]] ExponentRange range() const {
     const Evidence& e = survey_.evidence;
-    const double work = e.exponential_work != e.polynomial ? e.work.value : 0;
+    const double work = e.exponential_work != e.polynomial ? std::max(0.0, e.work.value) : 0;
     const double beta = e.courses.empty() ? infinity : e.decay.value;
     return finite_exponents({beta, work, e.polynomial ? Decay::polynomial : Decay::geometric});
   }
@@ -358,7 +358,7 @@ std::string rate_text(const Survey& s) {
 void describe_none(Advice& a) {
   const Evidence& e = a.survey.evidence;
   const bool polynomial = e.polynomial;
-  const double work = e.exponential_work != polynomial ? e.work.value : 0;
+  const double work = e.exponential_work != polynomial ? std::max(0.0, e.work.value) : 0;
   const double beta = e.decay.value;
   const double rho = work + narrow + (polynomial ? 1 : 0);
   a.pmf = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));

@@ -83,7 +83,7 @@ SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double
   for (const LevelRow& l : s.levels) {
     if (l.is_base) continue;
     row.second_moment = l.second_moment;
-    if (l.second_moment > 0) row.kurtosis = l.fourth_moment / (l.second_moment * l.second_moment);
+    row.kurtosis = l.kurtosis;
   }
   row.second_moment_error = row.second_moment * std::sqrt(std::max(row.kurtosis - 1, 0.0) / n);
   row.nonzero = s.components.back().mean;

@@ -190,7 +190,7 @@ class FiniteDifference {
       finite = finite && std::isfinite(square);
       truncation =
           std::max(truncation, std::sqrt(square) * std::exp2(-fall * static_cast<double>(last_level_ + 1 - level)));
-      const double kurtosis = square > 0 ? row.fourth / count / square / square : 0;
+      const double kurtosis = row.kurtosis();
       if (!(square > 0) || count < draws_per_kurtosis * kurtosis) continue;
       // Of equal differences the kurtosis is a rounding off 1.
       moments.push_back({level, std::log(square), std::max(kurtosis - 1, 0.0) / count});

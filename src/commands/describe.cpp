@@ -54,7 +54,7 @@ Fields describe(const LevelRow& row) {
           {"count", row.count},
           {"mean", row.mean},
           {"second_moment", row.second_moment},
-          {"fourth_moment", row.fourth_moment},
+          {"kurtosis", row.kurtosis},
           {"work", row.work},
           {"probability", row.probability > 0 ? Node(row.probability) : Node(nullptr)}};
 }
@@ -104,10 +104,10 @@ Fields describe(const Coupling& c) {
 
 Fields describe(const MeasuredRates& r) {
   return {{"kind", name_of(r.kind)},
-          {"mean", describe(r.mean)},
-          {"variance", describe(r.variance)},
-          {"fourth", describe(r.fourth)},
-          {"work", describe(r.work)}};
+          {"mean", describe(r.mean_decay)},
+          {"variance", describe(r.variance_decay)},
+          {"fourth", describe(r.fourth_decay)},
+          {"work", describe(r.work_growth)}};
 }
 
 Fields describe(const Advice& a) {

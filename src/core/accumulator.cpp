@@ -105,11 +105,33 @@ void ComponentMoments::size_mismatch(std::size_t components) const {
 }
 
 void LevelSums::merge(const LevelSums& other) {
+  const bool others_unit = other.square > square;  // the larger of two that differ
+  const double other_unit = other.square == 0 ? unit : other.unit;
+  if (unit == other_unit || square == 0) {
+    unit = other_unit;
+    fourth += other.fourth;
+  } else {
+    const double common = others_unit ? other_unit : unit;
+    const auto in = [common](double sum, double own) { return sum * (common / own) * (common / own); };
+    fourth = in(fourth, unit) + in(other.fourth, other_unit);
+    unit = common;
+  }
   count += other.count;
   difference += other.difference;
   square += other.square;
-  fourth += other.fourth;
   work += other.work;
+}
+
+double LevelSums::far_unit(double d2) {
+  if (!std::isfinite(d2)) return 1;
+  // Room for values of 2^450 times this size.
+  return std::ldexp(1.0, (d2 < 1 ? -400 : 400) - std::ilogb(d2));
+}
+
+double LevelSums::kurtosis() const {
+  if (square == 0) return 0;
+  const double q = square * unit;
+  return fourth * static_cast<double>(count) / (q * q);
 }
 
 void LevelTable::merge(const LevelTable& other) {

@@ -21,7 +21,7 @@ namespace debias {
 namespace {
 
 constexpr std::string_view magic = "DEBIASCP";
-constexpr std::uint32_t format_version = 3;
+constexpr std::uint32_t format_version = 4;
 constexpr std::uint32_t byte_order = 0x01020304;
 constexpr std::uint32_t record_mark = 0x44434552;  // "RECD"
 
@@ -50,6 +50,7 @@ struct detail::Codec {
     io.number(s.difference);
     io.number(s.square);
     io.number(s.fourth);
+    io.number(s.unit);
     io.number(s.work);
     demand(s.count >= 0);
   }

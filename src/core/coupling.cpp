@@ -103,7 +103,7 @@ CouplingSide side_of(const LevelSums& s) {
   const auto n = static_cast<double>(s.count);
   const double mean = s.difference / n;
   const double m2 = s.square - n * mean * mean;
-  return {s.count, mean, m2 < 0 ? 0 : m2, std::sqrt(std::sqrt(s.fourth)) + std::abs(mean)};
+  return {s.count, mean, m2 < 0 ? 0 : m2, std::sqrt(std::sqrt(s.fourth) / s.unit) + std::abs(mean)};
 }
 
 bool enough(const CouplingSide& s) { return s.count >= fewest_draws && std::isfinite(s.m2) && std::isfinite(s.mean); }

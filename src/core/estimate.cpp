@@ -65,7 +65,7 @@ Statistics finish(std::uint64_t seed, RunState state) {
     if (l.count == 0) return;
     const auto count = static_cast<double>(l.count);
     s.levels.push_back({levels.first, levels.second, is_base, l.count, l.difference / count, l.square / count,
-                        l.fourth / count, l.work / count, 0.0});
+                        l.kurtosis(), l.work / count, 0.0});
   };
   add_row({sums.levels.base_level(), sums.levels.base_level()}, true, sums.levels.base());
   for (std::size_t i = 0; i < sums.levels.rows().size(); ++i) {

@@ -41,7 +41,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
     f.draws = row.count;
     f.mean = row.mean;
     f.second_moment = row.second_moment;
-    f.fourth_moment = row.fourth_moment;
+    f.kurtosis = row.kurtosis;
     f.work = row.work;
     f.is_base = row.is_base;
     if (row.is_base) f.value_variance = std::max(0.0, row.second_moment - row.mean * row.mean);
@@ -52,7 +52,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   double size = 0;
   for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
   for (LevelFacts& f : facts) {
-    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.fourth_moment = 0;
+    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.kurtosis = 0;
     f.value_square = size;
   }
   return facts;
@@ -173,8 +173,7 @@ LevelsSay levels_say(const Statistics& s) {
 bool heavy_base(const std::vector<LevelRow>& rows) {
   for (const LevelRow& row : rows) {
     if (!row.is_base || !(row.second_moment > 0)) continue;
-    const double kurtosis = row.fourth_moment / (row.second_moment * row.second_moment);
-    if (static_cast<double>(row.count) < draws_per_kurtosis_of_base * kurtosis) return true;
+    if (static_cast<double>(row.count) < draws_per_kurtosis_of_base * row.kurtosis) return true;
   }
   return false;
 }

@@ -60,6 +60,19 @@ double slope_of(std::span<const double> x, std::span<const double> y) {
   return xx > 0 ? xy / xx : 0;
 }
 
+// The standard error of that slope.
+double slope_error_of(std::span<const double> x, std::span<const double> errors) {
+  double mx = 0;
+  for (const double xi : x) mx += xi / static_cast<double>(x.size());
+  double xx = 0;
+  double sum = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    sum += std::pow((x[i] - mx) * errors[i], 2);
+  }
+  return xx > 0 ? std::sqrt(sum) / xx : 0;
+}
+
 bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
 bool is_finite(const LevelVoice& v) { return !std::isnan(v.log2_second); }
 
@@ -324,11 +337,13 @@ class Scales {
     std::vector<double> k;
     std::vector<double> rarity;
     std::vector<double> absolute;  // b - log2 kappa: of a rare event with E |D| bounded it does not grow
+    std::vector<double> absolute_errors;
     for (const std::size_t i : votes_) {
       if (voice(i).hits < few) continue;
       k.push_back(static_cast<double>(fact(i).level));
       rarity.push_back(voice(i).log2_rarity);
       absolute.push_back(voice(i).log2_second - voice(i).log2_rarity);
+      absolute_errors.push_back(2 * voice(i).error);  // both count the same hits
     }
     const auto last = [](const std::vector<double>& v, std::size_t n) {
       return std::span(v).subspan(v.size() > n ? v.size() - n : 0);
@@ -337,7 +352,9 @@ class Scales {
       const auto x = last(k, 6);
       const auto y = last(rarity, 6);
       const bool falls = slope_of(x, y) * (x.back() - x.front()) < -1 && y.front() > 2;
-      const bool grows = slope_of(last(k, 5), last(absolute, 5)) > (e_.exponential_work ? 0.25 : 0.025);
+      const double growth = slope_of(last(k, 5), last(absolute, 5));
+      const bool grows =
+          growth - slope_error_of(last(k, 5), last(absolute_errors, 5)) > (e_.exponential_work ? 0.25 : 0.025);
       e_.changes = falls || grows || steepens();
     }
   }
@@ -467,7 +484,11 @@ std::vector<LevelFacts> together(std::span<const LevelFacts> a, std::span<const 
       f.draws = x.draws + y.draws;
       f.mean = mix(x.mean, x.draws, y.mean, y.draws);
       f.second_moment = mix(x.second_moment, x.draws, y.second_moment, y.draws);
-      f.fourth_moment = mix(x.fourth_moment, x.draws, y.fourth_moment, y.draws);
+      const auto fourth = [&f](const LevelFacts& l) {  // beside the square of the second
+        const double ratio = l.second_moment / f.second_moment;
+        return f.second_moment > 0 ? l.kurtosis * ratio * ratio : 0;
+      };
+      f.kurtosis = mix(fourth(x), x.draws, fourth(y), y.draws);
       f.work = mix(x.work, x.draws, y.work, y.draws);
       f.value_variance = mix(x.value_variance, x.draws, y.value_variance, y.draws);
       f.value_square = mix(x.value_square, x.draws, y.value_square, y.draws);
@@ -561,10 +582,11 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       k = std::min(last, k + (beyond < 32 ? 1 : beyond / 8));
     }
   }
-  // Seen, but without a vote: at least what was seen.
+  // Seen, but without a vote, or with too few others for a course: at least what was seen.
   for (std::size_t i = 0; i < e.facts.size(); ++i) {
     const LevelVoice& v = e.voices[i];
-    if (e.facts[i].is_base || v.level > last || v.votes() || !is_finite(v) || is_zero(v)) continue;
+    if (e.facts[i].is_base || v.level > last || !is_finite(v) || is_zero(v)) continue;
+    if (v.votes() && !e.courses.empty()) continue;  // measured
     if (at(v.level).log2_second < v.log2_second) {
       at(v.level) = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
     }

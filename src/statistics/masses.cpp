@@ -17,7 +17,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double shown_p = 0.005;
 constexpr double likely_p = 0.1;
 constexpr double most_unseen = 0.75;  // of the variance
-constexpr double most_doubt = 20;     // of an unseen variance, relative and squared
+constexpr double most_doubt = 0.5;    // of an unseen variance, relative and squared: it stands at its mean, not at an estimate
 constexpr double least_mass = 1e-300;
 
 // log2 p at any level: beyond the table it goes on as it ends.
@@ -291,9 +291,8 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
                             : std::isnan(f.value_variance) ? f.second_moment - f.mean * f.mean
                                                            : f.value_variance;
     if (!(variance > 0) || !std::isfinite(variance)) continue;
-    const double kurtosis = f.fourth_moment / (f.second_moment * f.second_moment);
     add(d.seen, variance / members,
-        (std::isfinite(kurtosis) ? std::max(kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
+        (std::isfinite(f.kurtosis) ? std::max(f.kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
   }
   if (p.last() < p.first()) return d;
   const std::vector<Believed> all = believed(e, p.last());

@@ -79,17 +79,16 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     LevelVoice v;
     v.level = f.level;
     v.log2_second = std::numeric_limits<double>::quiet_NaN();
-    const double rarity = f.fourth_moment / (f.second_moment * f.second_moment);
     if (f.is_base) {
       v.log2_second = std::log2(f.second_moment);
     } else if (f.second_moment == 0) {
       v.log2_second = -infinity;
-    } else if (!std::isfinite(f.second_moment) || !std::isfinite(f.fourth_moment) || !std::isfinite(rarity)) {
+    } else if (!std::isfinite(f.second_moment) || !std::isfinite(f.kurtosis)) {
       v.tail = LevelTail::heavy;
-    } else if (f.fourth_moment > 0) {
+    } else if (f.kurtosis > 0) {
       v.log2_second = std::log2(f.second_moment);
-      v.log2_rarity = std::max(0.0, std::log2(rarity));
-      v.raw_hits = static_cast<double>(f.draws) / std::max(1.0, rarity);
+      v.log2_rarity = std::max(0.0, std::log2(f.kurtosis));
+      v.raw_hits = static_cast<double>(f.draws) / std::max(1.0, f.kurtosis);
       v.tail = tail_of(f);
     }
     voices.push_back(v);

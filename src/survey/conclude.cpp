@@ -133,7 +133,7 @@ class Conclusion {
       f.is_base = row.level == 0;
       f.mean = row.difference;
       f.second_moment = row.second_moment;
-      f.fourth_moment = row.kurtosis * row.second_moment * row.second_moment;
+      f.kurtosis = row.kurtosis;
       f.nonzero = row.nonzero;
       f.work = row.difference_work;
       f.value_variance = row.variance;
@@ -145,7 +145,7 @@ class Conclusion {
       // What rounding leaves of a difference is none.
       constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
       if (!f.is_base && f.second_moment <= rounding * rounding * square) {
-        f.mean = f.second_moment = f.fourth_moment = f.nonzero = 0;
+        f.mean = f.second_moment = f.kurtosis = f.nonzero = 0;
       }
       facts.push_back(f);
     }

@@ -98,18 +98,31 @@ struct LevelSums {
   std::int64_t count = 0;
   double difference = 0;
   double square = 0;
-  double fourth = 0;
+  double fourth = 0;  // of d^2 unit
+  double unit = 1;    // a power of 2, where fourth powers would leave the range of doubles
   double work = 0;
 
   void add(double d, double work_of_draw) {
     const double d2 = d * d;
     ++count;
     difference += d;
+    if (square == 0) unit = unit_for(d2);
     square += d2;
-    fourth += d2 * d2;
+    const double q = d2 * unit;
+    fourth += q * q;
     work += work_of_draw;
   }
   void merge(const LevelSums& other);
+  /// E D^4 / (E D^2)^2; 0 where all are zero.
+  [[nodiscard]] double kurtosis() const;
+
+ private:
+  static double unit_for(double d2) {
+    if ((d2 > 0x1p-400 && d2 < 0x1p400) || d2 == 0) [[likely]]
+      return 1;
+    return far_unit(d2);
+  }
+  static double far_unit(double d2);
 };
 
 /// One row a level up to 63, then one row an octave (64 ... 127, 128 ... 255, ...), and the base.

@@ -112,7 +112,7 @@ struct LevelRow {
   std::int64_t count = 0;
   double mean = 0;           ///< of the unweighted difference (of the value, for the base)
   double second_moment = 0;  ///< E D^2
-  double fourth_moment = 0;  ///< E D^4
+  double kurtosis = 0;       ///< E D^4 / (E D^2)^2
   double work = 0;           ///< per draw
   /// What the estimator divides a difference of this level by; 0 for the base, an octave, or where unknown.
   double probability = 0;

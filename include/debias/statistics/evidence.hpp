@@ -41,8 +41,7 @@ enum class Grade { open, likely, shown };
 /// "open", "likely", "shown".
 const char* name_of(Grade grade);
 
-/// What was measured of one level, all in one unit. Values of very small or large size: scale them by one power of two
-/// before their fourth powers are summed.
+/// What was measured of one level, all in one unit.
 struct LevelFacts {
   static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -50,7 +49,7 @@ struct LevelFacts {
   std::int64_t draws = 0;
   double mean = 0;                  ///< E D_k
   double second_moment = 0;         ///< E D_k^2
-  double fourth_moment = 0;         ///< E D_k^4
+  double kurtosis = 0;              ///< kappa = E D_k^4 / (E D_k^2)^2
   double nonzero = unknown;         ///< share of draws with a difference; unknown: all, if any
   double work = 1;                  ///< of a draw of D_k
   double value_variance = unknown;  ///< Var I_k
