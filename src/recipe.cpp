@@ -23,6 +23,7 @@ constexpr double fewest_pilot_draws = 1 << 12;
 constexpr double most_pilot_draws = 1 << 26;  // in work of the lowest level, whatever a goal costs
 constexpr std::int64_t first_deepest = 12;    // level, of the first stage
 constexpr double open_growth = 4;             // while nothing is shown
+constexpr double most_open_work = 32;         // of the pilot, for a sample of the run, in draws of the lowest level
 constexpr double likely_share = 1.0 / 10;     // of the run's work, for an answer that is only likely
 constexpr double most_growth = 16;            // of a pilot over the one before
 constexpr int most_stages = 12;
@@ -524,8 +525,11 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       return next;
     };
     advice = choose(false);
-    const double run_work =
-        std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    double run_work = std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    // What is open may have no PMF, and then a work that is next to endless.
+    if (advice.survey.pmf_exists != Answer::yes && !plan.goal.asked()) {
+      run_work = std::min(run_work, most_open_work * unit * static_cast<double>(advice.members));
+    }
     const double limit = options.budget.value_or(std::max(run_work, 0.0));
     double wanted = 0;
     if (advice.survey.pmf_exists != Answer::yes) {

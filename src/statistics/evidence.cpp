@@ -33,6 +33,7 @@ constexpr double most_unseen = 0.5;       // of S, where the answer is yes
 constexpr double hits_promised = 14;      // P(none) = 1e-6
 constexpr double known_error = 0.5;       // octaves
 constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
+constexpr std::int64_t many_levels = 32;  // that a power has held over, five octaves
 constexpr double zeros_of_nothing = 100;  // draws, where no level has shown a difference
 
 double mix(double a, std::int64_t m, double b, std::int64_t n) {
@@ -198,7 +199,8 @@ class Scales {
     e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction);
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
-    e_.polynomial = weight > static_cast<double>(e_.courses.size()) / 2;
+    polynomial_share_ = weight / static_cast<double>(e_.courses.size());
+    e_.polynomial = polynomial_share_ > 0.5;
     double mean = 0;
     double square = 0;
     double n = 0;
@@ -334,6 +336,7 @@ class Scales {
 
   // What turns a no into open: no trend, but a hump or a start.
   void changes() {
+    const double scatter = statistics::scatter_of(e_.courses);
     std::vector<double> k;
     std::vector<double> rarity;
     std::vector<double> absolute;  // b - log2 kappa: of a rare event with E |D| bounded it does not grow
@@ -343,7 +346,7 @@ class Scales {
       k.push_back(static_cast<double>(fact(i).level));
       rarity.push_back(voice(i).log2_rarity);
       absolute.push_back(voice(i).log2_second - voice(i).log2_rarity);
-      absolute_errors.push_back(2 * voice(i).error);  // both count the same hits
+      absolute_errors.push_back(std::hypot(2 * voice(i).error, scatter));  // both count the same hits
     }
     const auto last = [](const std::vector<double>& v, std::size_t n) {
       return std::span(v).subspan(v.size() > n ? v.size() - n : 0);
@@ -355,11 +358,11 @@ class Scales {
       const double growth = slope_of(last(k, 5), last(absolute, 5));
       const bool grows =
           growth - slope_error_of(last(k, 5), last(absolute_errors, 5)) > (e_.exponential_work ? 0.25 : 0.025);
-      e_.changes = falls || grows || steepens();
+      e_.changes = falls || grows || steepens(scatter);
     }
   }
 
-  [[nodiscard]] bool steepens() const {
+  [[nodiscard]] bool steepens(double scatter) const {
     const std::size_t n = std::min<std::size_t>(6, votes_.size());
     if (n < 4) return false;
     const std::size_t a = votes_[votes_.size() - n];
@@ -368,7 +371,7 @@ class Scales {
     const auto fall = [&](std::size_t from, std::size_t to) {
       const auto steps = static_cast<double>(fact(to).level - fact(from).level);
       return std::pair((voice(from).log2_second - voice(to).log2_second) / steps,
-                       std::hypot(voice(from).error, voice(to).error) / steps);
+                       std::hypot(voice(from).error, voice(to).error, scatter) / steps);
     };
     const auto [early, early_error] = fall(a, b);
     const auto [late, late_error] = fall(b, c);
@@ -427,8 +430,9 @@ class Scales {
     }
     // Deeper levels of fewer draws are not to be called fine because they have not shown what shallower ones have.
     const bool doubtful = e_.missing_moments && 3 * unclear > counted;
-    // A decay like a power beside work like a power converges late: no trend tells from few levels.
-    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2;
+    // A decay like a power beside work like a power converges late: only many levels tell it from a slow exponential.
+    const bool long_power = e_.last_vote >= many_levels && polynomial_share_ >= 1 - shown_p;
+    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2 && !long_power;
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
     if (doubtful) {
       e_.reasons.emplace_back("the largest differences of most levels look as if there were no second moment");
@@ -458,6 +462,7 @@ class Scales {
   const SequenceFacts& sequence_;
   bool budget_spent_;
   std::int64_t base_ = -1;
+  double polynomial_share_ = 0;      // of the courses
   std::vector<std::size_t> all_;    // levels with differences
   std::vector<std::size_t> live_;   // of them, those that are not zero
   std::vector<std::size_t> votes_;  // of these
@@ -536,13 +541,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   for (const LevelVoice& v : e.voices) {
     if (v.votes()) votes.push_back(&v);
   }
-  double scatter = 0;
-  if (!e.courses.empty()) {
-    std::vector<double> omega;
-    for (const Course& c : e.courses) omega.push_back(c.scatter);
-    std::nth_element(omega.begin(), omega.begin() + std::ssize(omega) / 2, omega.end());
-    scatter = omega[omega.size() / 2];
-  }
+  const double scatter = statistics::scatter_of(e.courses);
   // Measured, and between measured ones: there the larger neighbour counts where levels scatter widely.
   constexpr double wide = 0.5;
   for (std::size_t i = 0; !e.courses.empty() && i < votes.size(); ++i) {

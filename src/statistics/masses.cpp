@@ -297,7 +297,12 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   if (p.last() < p.first()) return d;
   const std::vector<Believed> all = believed(e, p.last());
   const RarityTrend rarity(e);
-  // What a level with a mass but no draw leaves out is its mean: those add up.
+  // What a level with a mass but no draw leaves out is its mean: those add up. The sequence converges, so that no mean
+  // is larger than those seen.
+  double largest_mean = -infinity;  // log2 of its square
+  for (const LevelVoice& v : e.voices) {
+    if (std::isfinite(v.log2_second)) largest_mean = std::max(largest_mean, v.log2_second - v.log2_rarity);
+  }
   double left_out = 0;
   double left_out_doubt = 0;
   for (std::int64_t k = p.first(); k <= p.last(); ++k) {
@@ -322,7 +327,8 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     const double doubt = std::min(std::exp2(2 * b.error) - 1, most_doubt);
     if (draws_expected < 1 && k > e.last_difference) {
       if (k > e.last_difference + most_left_out) break;
-      left_out += std::exp2(std::clamp(b.log2_second + up - rarity.at(k), -1000.0, 900.0) / 2);
+      const double mean = std::min(b.log2_second + up - rarity.at(k), largest_mean);
+      left_out += std::exp2(std::clamp(mean, -1000.0, 900.0) / 2);
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
     }

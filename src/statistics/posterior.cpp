@@ -297,6 +297,15 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
   return courses;
 }
 
+double scatter_of(std::span<const Course> courses) {
+  if (courses.empty()) return 0;
+  std::vector<double> omega;
+  for (const Course& c : courses) omega.push_back(c.scatter);
+  const auto middle = omega.begin() + std::ssize(omega) / 2;
+  std::nth_element(omega.begin(), middle, omega.end());
+  return *middle;
+}
+
 double course_at(const Course& c, std::int64_t last_vote, std::int64_t level) {
   const auto k = static_cast<double>(level);
   const auto k0 = static_cast<double>(last_vote);
