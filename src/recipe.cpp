@@ -19,7 +19,7 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double first_pilot_draws = 1 << 14;  // of the lowest level, in work
-constexpr double fewest_pilot_draws = 1 << 12;
+constexpr double fewest_pilot_draws = 1 << 11;
 constexpr double most_pilot_draws = 1 << 26;  // in work of the lowest level, whatever a goal costs
 constexpr std::int64_t first_deepest = 12;    // level, of the first stage
 constexpr double open_growth = 4;             // while nothing is shown
@@ -33,6 +33,7 @@ constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
 constexpr double fewest_blocks = 512;
 constexpr double fewest_together = 512;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
+constexpr double most_members = 0x1p61;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
 constexpr double narrow = 0.05;           // of the work's exponent, for the PMF with finite work where none has both
@@ -70,7 +71,8 @@ class Choice {
     model_ = model_of(survey_);
   }
 
-  void choose() {
+  // `finally` draws all that it can to compare what it chose.
+  void choose(bool finally) {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
@@ -83,7 +85,7 @@ class Choice {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
       if (m < highest && !has_moments(m)) continue;
-      if (m > lowest && exhausted(m)) break;
+      if (m > lowest && exhausted(m) && exhausted(m - 1)) break;
       for (const Base base : {Base::always, Base::drawn}) {
         if (options_.base && *options_.base != base) continue;
         const Setup setup{m, base, advice_.block};
@@ -102,7 +104,7 @@ class Choice {
         chosen_ = setup;
       }
     }
-    conclude();
+    conclude(finally ? 1 : shared_share);
   }
 
  private:
@@ -273,8 +275,8 @@ class Choice {
     return AnyPmf(Tabulated(std::move(masses), rounded(std::exp2(-exponent), 4)));
   }
 
-  void conclude() {
-    const TermMoments moments = moments_of(chosen_, 1);
+  void conclude(double share) {
+    const TermMoments moments = moments_of(chosen_, share);
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::always && runs_.shared;
@@ -311,11 +313,8 @@ void set_members(Advice& advice, double members) {
     advice.block *= 2;
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
-  if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", members) +
-                                " members (does not fit 64 bits)");
-  }
-  advice.members = static_cast<std::int64_t>(blocks) * advice.block;
+  // A first pilot may ask for more than there is.
+  advice.members = static_cast<std::int64_t>(std::min(blocks, most_members / largest_block)) * advice.block;
 }
 
 double wanted_members(const Advice& advice, const Plan& plan) {
@@ -491,15 +490,16 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   LevelRuns runs = remembering(levels, extra);
   if (options.rates) runs.facts.declared = options.rates;
   const double unit = std::max(runs.work(lowest, pilot_plan).first, std::numeric_limits<double>::min());
-  const double samples = plan.goal.asked() ? infinity : static_cast<double>(plan.samples);
-  double budget = unit * std::clamp(samples / 2, fewest_pilot_draws, first_pilot_draws);
+  // Of a goal nobody knows yet how long a run it takes.
+  const double first_draws = plan.goal.asked() ? fewest_pilot_draws : static_cast<double>(plan.samples) / 2;
+  double budget = unit * std::clamp(first_draws, fewest_pilot_draws, first_pilot_draws);
   if (options.budget) budget = std::min(budget, *options.budget);
   Pilot pilot(runs, pilot_plan);
   Advice advice;
   std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
   for (int stage = 0;; ++stage) {
     pilot.grow(budget, deepest);
-    const auto choose = [&](bool budget_spent) {
+    const auto choose = [&](bool budget_spent, bool finally) {
       Advice next;
       next.survey = pilot.concluded(budget_spent);
       next.facts = runs.facts;
@@ -513,10 +513,11 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         next.block = std::max<std::int64_t>(advice.block, 64);
         set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                             : static_cast<double>(plan.samples));
-        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
+        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose(finally && !plan.goal.asked());
         if (plan.goal.asked()) {
           set_members(next, wanted_members(next, plan));
-          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();  // with the block of that many members
+          // With the block of that many members.
+          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose(finally);
           set_members(next, wanted_members(next, plan));
         }
       }
@@ -524,7 +525,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       next.pilot_seconds = seconds_so_far();
       return next;
     };
-    advice = choose(false);
+    advice = choose(false, false);
     double run_work = std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
     // What is open may have no PMF, and then a work that is next to endless.
     if (advice.survey.pmf_exists != Answer::yes && !plan.goal.asked()) {
@@ -544,7 +545,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     wanted = std::min(wanted, limit);
     const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
     if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
-      if (advice.survey.pmf_exists == Answer::open) advice = choose(true);
+      advice = choose(advice.survey.pmf_exists == Answer::open, true);
       break;
     }
     if (advice.survey.pmf_exists != Answer::yes) deepest *= 4;
@@ -552,6 +553,10 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   }
   advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too
   advice.pilot_seconds = seconds_so_far();
+  if (advice.usable() && static_cast<double>(advice.members) >= most_members) {
+    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", wanted_members(advice, plan)) +
+                                " members (does not fit 64 bits); ask for a larger error");
+  }
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }

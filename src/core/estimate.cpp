@@ -397,8 +397,7 @@ double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, d
     return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
   }
   const auto n = static_cast<double>(pilot.samples);
-  // Of the variance: with the aim below the wish, two errors.
-  const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
+  const double doubt = 2 / std::sqrt(std::max(hits_of(pilot), 4.0));  // two errors of the variance
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
   double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
@@ -469,7 +468,7 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
   for (;;) {
     check_on_all(pilot, check);
     const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
-    spent += {s.work, s.seconds};
+    spent = {s.work, s.seconds};
     const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.samples);
@@ -483,7 +482,8 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
       const std::int64_t most =
           equal ? std::int64_t{1} << 16 : std::clamp(16 * plan.samples, std::int64_t{1} << 16, most_pilot_samples);
       if ((equal || unknown_mean || rare) && s.samples < most) {
-        pilot.samples = std::min(most, 4 * s.samples);
+        pilot.samples = std::min(most, 2 * s.samples);
+        pilot.earlier = std::make_shared<RunState>(s.state);
         continue;
       }
       if (unknown_mean) return planned(s.samples);  // the result says that its mean is not told from 0
@@ -499,9 +499,14 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
                                     format("%.2g", wanted * s.seconds / static_cast<double>(s.samples)) +
                                     " seconds); ask for a larger error");
       }
-      return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
+      if (plan.goal.seconds > 0) return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
+      // What the pilots have cost is worth a run of that length.
+      const double as_pilots = (plan.pilot.work + s.work) / std::max(s.work / static_cast<double>(s.samples), 1e-300);
+      const double least = std::min(as_pilots, most_samples);
+      return planned(std::max(fewest, static_cast<std::int64_t>(std::ceil(std::max(wanted, least)))));
     }
     pilot.samples = static_cast<std::int64_t>(next);
+    pilot.earlier = std::make_shared<RunState>(s.state);
   }
 }
 

@@ -148,7 +148,7 @@ class Scales {
     if (last < 0) return;
     int above = 0;
     for (const std::size_t i : all_) {
-      above += fact(i).level > last && is_finite(voice(i)) && voice(i).raw_hits >= few;
+      above += fact(i).level > last && is_finite(voice(i)) && (is_zero(voice(i)) || voice(i).raw_hits >= few);
     }
     e_.missing_moments = true;
     if (above >= 3) e_.lowest_base = last + 1;
@@ -238,6 +238,8 @@ class Scales {
       return;
     }
     if (!live_.empty() && beside_value(live_.back()) < drowned) return;  // the decay decides
+    // Zeros behind levels that have not shown what they are end nothing.
+    if (!live_.empty() && !voice(live_.back()).votes()) return;
     double draws = 0;
     for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
     if (sequence_.constant_limit && deepest_value() < e_.facts.size()) {
