@@ -499,7 +499,8 @@ Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, 
                                     format("%.2g", wanted * s.seconds / static_cast<double>(s.samples)) +
                                     " seconds); ask for a larger error");
       }
-      if (plan.goal.seconds > 0) return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
+      if (plan.goal.seconds > 0)
+        return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
       // What the pilots have cost is worth a run of that length.
       const double as_pilots = (plan.pilot.work + s.work) / std::max(s.work / static_cast<double>(s.samples), 1e-300);
       const double least = std::min(as_pilots, most_samples);

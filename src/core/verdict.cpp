@@ -141,7 +141,8 @@ LevelsSay levels_say(const Statistics& s) {
     for (const LevelFacts& f : run) {
       if (f.is_base || !std::binary_search(say.doubt.levels.begin(), say.doubt.levels.end(), f.level)) continue;
       const double p = masses.mass[static_cast<std::size_t>(f.level - masses.first_level)];
-      say.counted += static_cast<double>(f.draws) * f.second_moment / (p * members * p * members);
+      say.counted += static_cast<double>(f.draws) * part_in_variance(f.second_moment, f.mean, p, say.doubt.mu) /
+                     (p * members * members);
     }
   }
   if (!l.available) return say;

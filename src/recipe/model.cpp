@@ -87,8 +87,9 @@ double tail_exponent_for(const Survey& s) {
   const bool known = !e.courses.empty() && e.answer != Answer::no;
   r.variance_decay.value = known ? e.decay.value : std::numeric_limits<double>::quiet_NaN();
   // E D^4 by the trend of kappa, which the rates report.
-  r.fourth_decay.value =
-      std::isfinite(s.rates.fourth_decay.value) ? std::min(s.rates.fourth_decay.value, 2 * r.variance_decay.value) : 2 * r.variance_decay.value;
+  r.fourth_decay.value = std::isfinite(s.rates.fourth_decay.value)
+                             ? std::min(s.rates.fourth_decay.value, 2 * r.variance_decay.value)
+                             : 2 * r.variance_decay.value;
   if (e.end != End::none && !known) r.variance_decay.value = r.fourth_decay.value = Rates::faster_than_any;
   if (pmf_exists(rates_of(r))) return default_exponent(r);
   return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work

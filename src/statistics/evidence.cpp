@@ -464,7 +464,7 @@ class Scales {
   const SequenceFacts& sequence_;
   bool budget_spent_;
   std::int64_t base_ = -1;
-  double polynomial_share_ = 0;      // of the courses
+  double polynomial_share_ = 0;     // of the courses
   std::vector<std::size_t> all_;    // levels with differences
   std::vector<std::size_t> live_;   // of them, those that are not zero
   std::vector<std::size_t> votes_;  // of these

@@ -12,8 +12,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-constexpr std::int64_t fewest_draws = 64;
-constexpr std::int64_t many_draws = 512;  // of a failure that silences the levels below
+constexpr std::int64_t fewest_draws = 64;  // of a failure
+constexpr std::int64_t many_draws = 512;   // of a failure that silences the levels below
 constexpr std::int64_t draws_for_heavy = 1024;
 constexpr double heavy_z = 1;
 constexpr double light_z = -1.5;
@@ -112,8 +112,8 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     }
     const auto draws = static_cast<double>(f.draws);
     v.hits = std::min(v.raw_hits, draws / rarity);
-    if (f.draws < fewest_draws) continue;
     if (v.hits < few) {
+      if (f.draws < fewest_draws) continue;
       ++failures;
       // Deeper levels vote only because they missed what is rare.
       if (started && (failures >= 2 || f.draws >= many_draws)) ended = true;

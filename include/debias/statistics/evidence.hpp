@@ -20,6 +20,7 @@
 // an end against a pause (state `exact_from`). Pure functions of their arguments: same input, same bits.
 // Sources: Harvey, Forecasting, structural time series models (1989), trend; the rest derived here.
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -185,11 +186,18 @@ struct Doubt {
   double undrawn = 0;  ///< the same of levels that have, in a pilot, but of which the run expects less than 8
   double seen = 0;     ///< the same of the others
   double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t, for the root of both
+  double mu =
+      0;  ///< for `part_in_variance`: where differences are not random, D / p comes near it, and no level matters
   std::vector<std::int64_t> levels;  ///< of `unseen` and `undrawn`: the variance of the run does not speak for them
 
   /// At most half of the variance unseen, and eight degrees.
   [[nodiscard]] bool reliable() const { return unseen <= seen + undrawn && degrees >= 8; }
 };
 Doubt doubt_of(const Evidence& evidence, const Masses& masses, double members);
+
+/// The part of one level in the variance of a sample of a single term: p E (D / p - mu)^2, mu the sum of all E D.
+inline double part_in_variance(double second_moment, double mean, double p, double mu) {
+  return std::max(0.0, second_moment / p - 2 * mu * mean + mu * mu * p);
+}
 
 }  // namespace debias
