@@ -408,10 +408,11 @@ RunVerdict judge(const Statistics& s) {
     say = levels_say(s);
     v.levels = say.levels;
     const double missing = std::max(0.0, say.doubt.unseen + say.doubt.undrawn - say.counted);
-    if (has_levels && std::isfinite(say.doubt.degrees)) {
+    // Strata may have made the measured part smaller than its levels add up to.
+    const double all = missing + std::pow(s.moments.standard_error(), 2);
+    const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(s.moments.mean);
+    if (has_levels && std::isfinite(say.doubt.degrees) && all > rounding * rounding) {
       v.unseen_variance = missing;
-      // Strata may have made the measured part smaller than its levels add up to.
-      const double all = missing + std::pow(s.moments.standard_error(), 2);
       v.unseen_share = all > 0 ? std::min(missing, say.doubt.unseen) / all : 0;
       v.degrees = say.doubt.degrees;
     }

@@ -100,12 +100,16 @@ class Scales {
   Evidence weigh() {
     e_.voices = statistics::voices_of(e_.facts);
     for (std::size_t i = 0; i < e_.voices.size(); ++i) {
+      if (!e_.facts[i].is_base) all_.push_back(i);
+    }
+    bases();
+    for (std::size_t i = 0; i < e_.voices.size(); ++i) {
       const LevelVoice& v = e_.voices[i];
       if (e_.facts[i].is_base) {
         base_ = e_.facts[i].level;
         continue;
       }
-      all_.push_back(i);
+      if (v.level < e_.lowest_base) continue;  // no part of any estimate
       if (is_finite(v) && !is_zero(v)) live_.push_back(i);
       if (!v.votes()) continue;
       votes_.push_back(i);
@@ -116,7 +120,6 @@ class Scales {
       e_.first_vote = e_.voices[votes_.front()].level;
       e_.last_vote = e_.voices[votes_.back()].level;
     }
-    bases();
     work();
     courses();
     ends();
@@ -135,7 +138,7 @@ class Scales {
   [[nodiscard]] const LevelVoice& voice(std::size_t i) const { return e_.voices[i]; }
   [[nodiscard]] const LevelFacts& fact(std::size_t i) const { return e_.facts[i]; }
 
-  // R6: the first level after the last one without moments, if three above it have 8 hits.
+  // R6: the first level after the last one without moments, if three above it have 8 hits, or are zero.
   void bases() {
     std::int64_t last = -1;
     for (const std::size_t i : all_) {
@@ -607,6 +610,16 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   const double fall = (e.exponential_work ? e.work.value : 0) + 0.4;
   for (std::int64_t k = 1; k <= last; ++k) {
     Believed& here = at(k);
+    if (k <= e.lowest_base) {  // no part of an estimate, and no measure for what follows
+      for (const LevelFacts& f : e.facts) {
+        if (f.is_base || f.level != k || !(f.value_variance > 0) || !std::isfinite(f.value_variance)) continue;
+        value = f;
+        value.second_moment = f.value_variance;
+        value.nonzero = 1;
+        before = &value;
+      }
+      if (k < e.lowest_base) continue;
+    }
     if (over && k > e.last_difference) {
       here = {};
       continue;
