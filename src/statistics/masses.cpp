@@ -256,7 +256,14 @@ class RarityTrend {
       first = &*v;
       ++votes;
     }
-    if (last == nullptr) return;
+    if (last == nullptr) {  // at least as rare as the commonest differences that were seen
+      height_ = infinity;
+      for (const LevelVoice& v : e.voices) {
+        if (v.raw_hits > 0) height_ = std::min(height_, v.log2_rarity);
+      }
+      if (std::isinf(height_)) height_ = 0;
+      return;
+    }
     level_ = last->level;
     height_ = last->log2_rarity;
     if (votes > 1) {
