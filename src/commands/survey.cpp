@@ -1,7 +1,10 @@
 #include "survey.hpp"
 
+#include <cmath>
+#include <cstdint>
 #include <ostream>
 #include <string>
+#include <vector>
 
 #include "describe.hpp"
 #include "store.hpp"
@@ -27,6 +30,29 @@ void print(std::ostream& out, const SurveyReport& s) {
   out << s.survey;
 }
 
+namespace {
+
+struct BelievedRow {
+  std::int64_t level;
+  double log2_second;
+  double error;
+};
+
+// E D_k^2 as the evidence has it: the levels drawn, and half as many beyond them.
+std::vector<BelievedRow> believed_rows(const Survey& survey) {
+  const std::int64_t last = survey.rows.back().level;
+  const std::vector<Believed> all = believed(survey.evidence, last + (last + 1) / 2);
+  std::vector<BelievedRow> rows;
+  for (std::size_t k = 1; k < all.size(); ++k) {
+    if (std::isfinite(all[k].log2_second)) {
+      rows.push_back({static_cast<std::int64_t>(k), all[k].log2_second, all[k].error});
+    }
+  }
+  return rows;
+}
+
+}  // namespace
+
 Fields fields(const SurveyReport& s) {
   const Survey& survey = s.survey;
   Fields f = describe(*s.problem);
@@ -36,6 +62,9 @@ Fields fields(const SurveyReport& s) {
              {"pmf_exists", name_of(survey.pmf_exists)},
              {"grade", name_of(survey.grade)},
              {"remarks", survey.remarks},
+             {"believed", list_of(believed_rows(survey), [](const BelievedRow& b) {
+                return Fields{{"level", b.level}, {"log2_second_moment", b.log2_second}, {"error", b.error}};
+              })},
              {"work", survey.work},
              {"seconds", survey.seconds},
              {"levels", list_of(survey.rows, [](const SurveyRow& r) {
