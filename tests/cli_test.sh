@@ -84,7 +84,7 @@ refused_by 2 "both" validate --report --hard
 refused_by 2 "leave it out" validate --report --checkpoint c
 refused_by 2 "--confidence" validate A01 --confidence 0.9
 refused_by 2 "write problems, estimators or pmfs" list everything
-refused_by 2 "did you mean 'PMFs'" list PMF
+refused_by 2 "did you mean 'pmfs'" list PMF
 refused_by 2 "'problems'" list pmfs problems
 refused_by 2 "is not a problem" run 'A01
 A03'
@@ -176,7 +176,7 @@ check "and the verdict says so" has 'INFINITE' out
 "$debias" run A10 --pmf auto --samples 1e5 --seed 4 --json > run.json 2> err
 check "a recipe runs" same $? 0
 check "a recipe says what it chose" has '"recipe": {' run.json
-for key in PMF estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
+for key in pmf estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
 sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json

@@ -111,7 +111,7 @@ TEST_CASE("a refusal names the option as it is typed, wherever it was found out"
 TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests][exact]") {
   const catalog::Problem& problem = catalog::find("A01");
   using commands::Estimator;
-  for (const commands::Pmf& pmf : std::vector<commands::Pmf>{commands::Declared{}, commands::ByRecipe{},
+  for (const commands::PmfChoice& pmf : std::vector<commands::PmfChoice>{commands::Declared{}, commands::ByRecipe{},
                                                              AnyPmf(Geometric(0.1)), AnyPmf(Poisson(1.0 / 3))}) {
     for (const std::int64_t block : {1, 1000, 100'000}) {
       commands::RunRequest r{.problem = &problem, .shape = {.pmf = pmf, .block = block}};

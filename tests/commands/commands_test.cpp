@@ -56,7 +56,7 @@ TEST_CASE("a request with defaults alone runs a problem as its declared rates as
 
 TEST_CASE("a refusal names fields, and each door spells them", "[commands][exact]") {
   const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"pmf"}, " out of base_level"});
-  CHECK(std::string(e.what()) == "base_level = '1'; leave PMF out of base_level");
+  CHECK(std::string(e.what()) == "base_level = '1'; leave pmf out of base_level");
   CHECK(e.spelled([](std::string_view f) { return "<" + std::string(f) + ">"; }) ==
         "<base_level> = '1'; leave <pmf> out of base_level");
 }

@@ -677,7 +677,7 @@ for call in (lambda: debias.estimate("A10", pmf="geometric:r=1.5"), lambda: debi
         call()
     except ValueError as e:
         print(e)
-print(debias.samples("A10", 5, pmf="geometric:r=0.55"), debias.problems(), debias.laws())
+print(debias.samples("A10", 5, pmf="geometric:r=0.55"), debias.problems(), debias.pmfs())
 """
             environment = {**os.environ, "LOCPATH": folder}
 
