@@ -35,11 +35,9 @@ Fields describe(const catalog::Problem& p) {
           {"name", p.name},
           {"module", p.module},
           {"truth", p.truth},
-          {"variance_rate", p.rates.variance_decay},
-          {"variance_decay", faster                              ? "faster"
-                             : p.rates.decay == Decay::geometric ? "geometric"
-                                                                 : "polynomial"},
-          {"work_rate", p.rates.work_growth},
+          {"decay", faster ? "faster" : p.rates.decay == Decay::geometric ? "geometric" : "polynomial"},
+          {"variance_decay", p.rates.variance_decay},
+          {"work_growth", p.rates.work_growth},
           {"pmf_exists", pmf_exists(p.rates)},
           {"source", p.formula}};
 }

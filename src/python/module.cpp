@@ -288,7 +288,7 @@ Facts facts_of(const py::dict& d) {
   facts.name = d["name"].cast<std::string>();
   facts.formula = d["formula"].cast<std::string>();
   facts.truth = number("truth");
-  facts.rates = {number("variance_rate"), number("work_rate"),
+  facts.rates = {number("variance_decay"), number("work_growth"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
   if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {

@@ -682,5 +682,5 @@ def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequ
     beta, gamma = (None, None) if rates is None else (float(r) for r in rates)
     if beta is not None and not (beta > 0 and math.isfinite(gamma)):
         raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
-    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_rate": beta, "work_rate": gamma,
+    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_decay": beta, "work_growth": gamma,
             "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}
