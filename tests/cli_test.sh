@@ -58,9 +58,9 @@ refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
 refused_by 2 "no PMF, base level or block" run A01 --estimator multilevel --error 0.1 --pmf zeta:s=2
 refused_by 2 "--error = '0'" run A01 --error 0
 refused_by 2 "--error = ''" run A01 --error ''
-refused_by 2 "--time = 'soon'" run A01 --time soon
+refused_by 2 "--seconds = 'soon'" run A01 --seconds soon
 refused_by 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
-refused_by 2 "keep one" run A01 --error 0.1 --time 1s
+refused_by 2 "keep one" run A01 --error 0.1 --seconds 1s
 refused_by 2 "64 bits" run A01 --error 1e-300
 refused_by 2 "--levels = '1'" survey A01 --levels 1
 refused_by 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
@@ -195,7 +195,7 @@ check "a goal is met" same $? 0
 check "a goal says so" has '"met": true' out
 "$debias" run E02 --estimator multilevel --error 0.1 > out
 check "multilevel states its bias" has '^bias' out
-"$debias" run A01 --time 1e-9 > out 2> err
+"$debias" run A01 --seconds 1e-9 > out 2> err
 check "exit code of a missed goal" same $? 3
 check "a missed goal prints its result" has 'NOT met' out
 check "one line on a missed goal" same "$(lines err)" 1

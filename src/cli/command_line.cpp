@@ -47,7 +47,7 @@ void add_plan(Subcommand& c) {
 void add_goal(Subcommand& c) {
   c.value("error", "X", "As many samples as this standard error takes");
   c.value("relative_error", "X", "The same, in units of the mean");
-  c.value("time", "T", "As many samples as this time takes, 10s");
+  c.value("seconds", "T", "As many samples as this many seconds take, 10 or 10s");
 }
 
 void add_checkpoint(

@@ -274,7 +274,7 @@ template <class Way>
 void goal(Way& way, Goal& g, const std::string& before = "") {
   way.positive_or("none", before + "error", g.error);
   way.positive_or("none", before + "relative_error", g.relative_error);
-  way.seconds_or("none", before + "time", g.seconds);
+  way.seconds_or("none", before + "seconds", g.seconds);
 }
 
 template <class Way>

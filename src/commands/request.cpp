@@ -138,7 +138,7 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
 Plan plan_of(const Sampling& sampling) {
   const Goal& goal = sampling.goal;
   if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
-    throw BadRequest({Field{"error"}, ", ", Field{"relative_error"}, ", ", Field{"time"},
+    throw BadRequest({Field{"error"}, ", ", Field{"relative_error"}, ", ", Field{"seconds"},
                       ": more than one (each fixes the samples); keep one"});
   }
   if (goal.asked() && sampling.samples) {

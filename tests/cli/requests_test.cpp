@@ -75,7 +75,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
                                                       {"estimator", "single_term_drawn"},
                                                       {"base_level", "3"},
                                                       {"block", "1e1"},
-                                                      {"time", "2.5s"},
+                                                      {"seconds", "2.5s"},
                                                       {"shard", "2/5"},
                                                       {"seed", "18446744073709551615"}});
   CHECK(run.problem->id == "A10");

@@ -460,7 +460,7 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "samples", e, "A10", samples=2.5)
         self.raises(ValueError, "samples", e, "A10", samples=10**30)
         self.raises(ValueError, "error", e, "A10", error=float("nan"))
-        self.raises(ValueError, "^error, relative_error, time: more than one", e, "A10", error=1, time=1)
+        self.raises(ValueError, "^error, relative_error, seconds: more than one", e, "A10", error=1, seconds=1)
         self.raises(ValueError, "seed", e, "A10", seed=-3)
         self.raises(ValueError, "PMF.*did you mean", e, "A10", pmf="geometrc:r=0.5")
         self.raises(ValueError, "base_level", e, "A10", base_level="x")

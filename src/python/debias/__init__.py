@@ -375,9 +375,9 @@ class _Bar:
 def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
-             relative_error: Optional[Number] = None, time: Optional[Number] = None,
+             relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
              confidence: Number = 0.95, progress: Progress = None) -> Result:
-    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `time` ask for.
+    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `seconds` ask for.
 
     pmf         of the random level, "geometric:r=0.6"; "auto": a pilot chooses PMF, base level and strata. Without
                 one the declared rates of the problem choose, or a pilot where there are none.
@@ -391,7 +391,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
                        estimator=None if estimator == "multilevel" else estimator,
                        pmf=_pmf(_problem(problem), pmf, estimator, pilot=True), base_level=base_level, block=block,
-                       error=error, relative_error=relative_error, time=time, confidence=confidence)
+                       error=error, relative_error=relative_error, seconds=seconds, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, options, bar))
     _warn(result)
@@ -467,11 +467,11 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
 
 def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
-           relative_error: Optional[Number] = None, time: Optional[Number] = None,
+           relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
            progress: Progress = None) -> Report:
     """What a pilot would choose: base level, PMF and strata, and what they are worth."""
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
-                       error=error, relative_error=relative_error, time=time, pmf="auto")
+                       error=error, relative_error=relative_error, seconds=seconds, pmf="auto")
     with _Bar(progress) as bar:
         return Report(*_debias.recipe(_problem(problem), options, bar))
 
