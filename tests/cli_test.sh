@@ -49,9 +49,11 @@ refused_by 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roul
 refused_by 2 "--base-level = '-1'" run A01 --base-level -1
 refused_by 2 "levels are drawn from 100 on" run A01 --base-level 99
 refused_by 2 "no PMF has both" run E06
-refused_by 2 "no PMF has finite variance and finite work.*stable index" run E06 --pmf auto
-refused_by 2 "a replay needs the PMF itself" replay A01 --pmf auto --seed 1 --sample 1
-refused_by 2 "'roulette'" run D01 --pmf auto --estimator roulette
+refused_by 2 "no PMF has finite variance and finite work.*stable index" run E06 --estimator recipe
+refused_by 2 "the run has printed" replay A01 --estimator recipe --seed 1 --sample 1
+refused_by 2 "a sweep is for" tradeoff A01 --estimator recipe
+refused_by 2 "--pmf = 'zeta:s=2' (a recipe chooses it)" run A01 --estimator recipe --pmf zeta:s=2
+refused_by 2 "--block = '8' (a recipe chooses it)" run A01 --estimator recipe --block 8
 refused_by 2 "--block = '0'" run A01 --block 0
 refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
 refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
@@ -173,7 +175,7 @@ check "an explicit PMF runs where none is good" same $? 0
 check "and the verdict says so" has 'INFINITE' out
 
 # ---- recipes, goals, surveys and sweeps
-"$debias" run A10 --pmf auto --samples 1e5 --seed 4 --json > run.json 2> err
+"$debias" run A10 --estimator recipe --samples 1e5 --seed 4 --json > run.json 2> err
 check "a recipe runs" same $? 0
 check "a recipe says what it chose" has '"recipe": {' run.json
 for key in pmf estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
@@ -181,7 +183,7 @@ sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
 check "the PMF of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
-"$debias" run A10 --pmf auto --samples 1e4 > run.txt
+"$debias" run A10 --estimator recipe --samples 1e4 > run.txt
 largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
 eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
 check "the replay that a recipe prints is a command" \
@@ -248,7 +250,7 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   json.loads(text, parse_constant=refuse)'
   for command in 'list' 'list estimators' 'list pmfs' 'run A01 --samples 1000' 'run A01 --samples 1' \
     'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3' 'survey B01 --samples 100' \
-    'survey A01 --samples 100' 'run A01 --pmf auto --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
+    'survey A01 --samples 100' 'run A01 --estimator recipe --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
     'tradeoff E06 --samples 100' 'tradeoff D03 --family zeta --samples 100'; do
     "$debias" $command --json > out
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err

@@ -32,7 +32,7 @@ struct Subcommand : Typed {
 
 void add_choice(Subcommand& c) {
   c.problem();
-  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
+  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none");
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
   c.value("block", "N", "Members of a block of systematic strata, which is one sample");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
@@ -180,7 +180,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   Subcommand& run = add("run", "Estimate one problem",
                         "  debias run A01\n"
                         "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-                        "  debias run A01 --pmf auto --error 1e-4      a pilot chooses PMF, base and strata\n"
+                        "  debias run A01 --estimator recipe --error 1e-4      a pilot chooses PMF, base level and strata\n"
                         "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
   add_choice(run);
   add_plan(run);

@@ -239,7 +239,7 @@ class Writer {
   }
   void pmf(const PmfChoice& x) {
     const AnyPmf* pmf = std::get_if<AnyPmf>(&x);
-    text("pmf", pmf != nullptr ? pmf->spec() : std::holds_alternative<ByRecipe>(x) ? "auto" : "declared");
+    text("pmf", pmf != nullptr ? pmf->spec() : "declared");
   }
   void format(const numbers::Request& x) {
     for (const FormatName& f : formats) {

@@ -35,7 +35,9 @@ Fields describe(const catalog::Problem& p) {
           {"name", p.name},
           {"module", p.module},
           {"truth", p.truth},
-          {"decay", faster ? "faster" : p.rates.decay == Decay::geometric ? "geometric" : "polynomial"},
+          {"decay", faster                              ? "faster"
+                    : p.rates.decay == Decay::geometric ? "geometric"
+                                                        : "polynomial"},
           {"variance_decay", p.rates.variance_decay},
           {"work_growth", p.rates.work_growth},
           {"pmf_exists", pmf_exists(p.rates)},
@@ -59,6 +61,8 @@ ListReport list(const ListRequest& request) {
   for (const catalog::Method m : catalog::methods()) {
     entries.push_back({std::string(catalog::name_of(m)), std::string(catalog::describe(m))});
   }
+  entries.push_back({"recipe", "the best single term for the problem: a pilot chooses PMF, base level and strata"});
+  entries.push_back({"multilevel", "no sample: the biased baseline, as many draws a level as its error takes"});
   for (const catalog::Special& s : catalog::specials()) entries.push_back({s.name, s.description});
   return {std::move(entries)};
 }

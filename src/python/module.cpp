@@ -369,7 +369,7 @@ PYBIND11_MODULE(_debias, m) {
 
   m.def("run", run_command<run_request>);
   m.def("multilevel", run_command<multilevel_request>);
-  m.def("recipe", run_command<advise_request>);
+  m.def("advise", run_command<advise_request>);
   m.def("survey", run_command<survey_request>);
   m.def("tradeoff", run_command<tradeoff_request>);
   m.def("replay", run_command<replay_request>);
