@@ -54,6 +54,23 @@ refused_by 2 "the run has printed" replay A01 --estimator recipe --seed 1 --samp
 refused_by 2 "a sweep is for" tradeoff A01 --estimator recipe
 refused_by 2 "--pmf = 'zeta:s=2' (a recipe chooses it)" run A01 --estimator recipe --pmf zeta:s=2
 refused_by 2 "--block = '8' (a recipe chooses it)" run A01 --estimator recipe --block 8
+# ---- names of 0.1, to be removed at 0.3
+for typed in 'run A01 --law geometric:r=.5' 'run A01 --law=zeta:s=2' 'replay --law poisson:lambda=1 A01 --seed 1 --sample 1' \
+  'resume file --law zeta:s=2'; do
+  refused_by 2 '`--law` is `--pmf` since 0.2$' $typed
+done
+for typed in '--law auto' '--law=auto'; do
+  refused_by 2 '`--law auto` is `--estimator recipe` since 0.2$' run A01 $typed --samples 100
+done
+for typed in '--pmf auto' '--pmf=auto'; do
+  refused_by 2 '`--pmf auto` is `--estimator recipe` since 0.2$' run A01 $typed
+done
+refused_by 2 '`--pmf auto` is `--estimator recipe` since 0.2$' replay A01 --pmf auto --seed 1 --sample 1
+refused_by 2 '`--time` is `--seconds` since 0.2$' run A01 --time 10s
+refused_by 2 '`--time` is `--seconds` since 0.2$' resume file --time=1
+refused_by 2 '`list laws` is `list pmfs` since 0.2$' list laws
+refused_by 2 '`list laws` is `list pmfs` since 0.2$' list --json laws
+refused_by 2 "'--laws' (no option" run A01 --laws 3
 refused_by 2 "--block = '0'" run A01 --block 0
 refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
 refused_by 2 "takes its draws from --error" run A01 --estimator multilevel

@@ -32,6 +32,7 @@
 #include "catalog.hpp"
 #include "commands/diagnose.hpp"
 #include "commands/list.hpp"
+#include "commands/renamed.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 
@@ -365,6 +366,7 @@ PYBIND11_MODULE(_debias, m) {
   using namespace debias::python;
   refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
+  m.def("refuse_if_renamed", commands::refuse_if_renamed);
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 
   m.def("run", run_command<run_request>);

@@ -478,6 +478,23 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "no value", debias.diagnose, [])
         self.raises(TypeError, "U1|object", debias.diagnose, ["a"])
 
+    @ignoring_doubts
+    def test_names_of_0_1_say_what_they_are_now(self):
+        for f, *arguments in ((debias.estimate, "A10"), (debias.samples, "A10", 3), (debias.replay, "A10", 3),
+                              (debias.survey, "A10"), (debias.tradeoff, "A10"), (debias.advise, "A10")):
+            self.raises(ValueError, "^`law=` is `pmf=` since 0.2$", f, *arguments, law="zeta:s=2")
+            self.raises(ValueError, "^`law='auto'` is `estimator='recipe'` since 0.2$", f, *arguments, law="auto")
+            self.raises(ValueError, "^`time=` is `seconds=` since 0.2$", f, *arguments, time=1)
+            self.raises(TypeError, "unexpected keyword argument 'laws'", f, *arguments, laws=1)
+        self.raises(ValueError, "^`pmf='auto'` is `estimator='recipe'` since 0.2$", debias.estimate, "A10", pmf="auto")
+        self.raises(ValueError, r"^`laws\(\)` is `pmfs\(\)` since 0.2$", lambda: debias.laws())
+        self.raises(ValueError, r"^`recipe\(\)` is `advise\(\)` since 0.2$", lambda: debias.recipe("A10"))
+        self.raises(AttributeError, "no attribute 'lows'", lambda: debias.lows())
+        result = debias.estimate("A10", samples=100)
+        self.raises(ValueError, r"`\['law'\]` is `\['pmf'\]` since 0.2", lambda: result["law"])
+        self.raises(KeyError, "^'lows'$", lambda: result["lows"])
+        self.raises(ValueError, "pmf_exists", lambda: debias.survey("A10", levels=3, samples=100)["law_exists"])
+
     def test_seeds(self):
         takers = {"estimate": (debias.estimate, "A10"), "samples": (debias.samples, "A10", 3),
                   "survey": (debias.survey, "A10"), "tradeoff": (debias.tradeoff, "A10"),

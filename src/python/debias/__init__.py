@@ -16,6 +16,7 @@ result holds the number that was taken, as `seed`.
 from __future__ import annotations
 
 import copy
+import functools
 import html
 import math
 import numbers
@@ -84,6 +85,8 @@ class Report:
         return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
 
     def __getitem__(self, key: str) -> Any:
+        if key not in self._data:
+            _debias.refuse_if_renamed(f"['{key}']")
         return self._data[key]
 
     def __eq__(self, other: object) -> bool:
@@ -410,7 +413,7 @@ def _warn(result: Result) -> None:
     said = {text for _, text in doubts}
     doubts += [(DebiasWarning, text) for text in data.get("warnings", []) if text not in said]
     for category, text in doubts:
-        warnings.warn(text, category, stacklevel=3)
+        warnings.warn(text, category, stacklevel=4)
 
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
@@ -689,3 +692,25 @@ def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequ
         raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
     return {"name": str(name), "formula": str(formula), "truth": truth, "variance_decay": beta, "work_growth": gamma,
             "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}
+
+
+# ---- names of 0.1 say what they are now; to be removed at 0.3, with `refuse_if_renamed`
+
+
+def __getattr__(name: str) -> Any:
+    _debias.refuse_if_renamed(f"{name}()")
+    raise AttributeError(f"module 'debias' has no attribute '{name}'")
+
+
+def _knows_old_names(f: Any) -> Any:
+    @functools.wraps(f)
+    def checked(*arguments: Any, **options: Any) -> Any:
+        for name, value in options.items():
+            for typed in (f"{name}={value!r}", f"{name}="):
+                _debias.refuse_if_renamed(typed)
+        return f(*arguments, **options)
+    return checked
+
+
+for _f in (estimate, samples, replay, survey, tradeoff, advise):
+    globals()[_f.__name__] = _knows_old_names(_f)
