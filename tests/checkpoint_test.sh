@@ -97,22 +97,22 @@ word() { grep -a "^$1=" "$2" | cut -d= -f2-; }
 chosen() {
   shape="--estimator $(word estimator "$1") --pmf $(word pmf "$1") --base-level $(word base_level "$1") --block $(word block "$1")"
 }
-recipe=$(answer run A03 --pmf auto --samples 2e5)
-check "a recipe says the same with a checkpoint" same "$(answer run A03 --pmf auto --samples 2e5 --checkpoint r)" "$recipe"
+recipe=$(answer run A03 --estimator recipe --samples 2e5)
+check "a recipe says the same with a checkpoint" same "$(answer run A03 --estimator recipe --samples 2e5 --checkpoint r)" "$recipe"
 check "it is said again, but for its pilot" same "$(answer resume r | without_recipe)" "$(echo "$recipe" | without_recipe)"
 chosen r
 check "it grows under its PMF" same "$(answer resume r --samples 5000 | without_work)" \
   "$(answer run A03 $shape --samples 5000 | without_work)"
 check "and its pilot still counts" same "$(answer resume r | grep '^  "pilot_work"')" "$(echo "$recipe" | grep '^  "pilot_work"')"
-answer run E02 --pmf auto --error 0.1 --checkpoint rg > /dev/null
+answer run E02 --estimator recipe --error 0.1 --checkpoint rg > /dev/null
 chosen rg
 check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.05 | without_work)" \
   "$(answer run E02 $shape --error 0.05 | without_work)"
-for i in 1 2; do answer run A03 --pmf auto --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
+for i in 1 2; do answer run A03 --estimator recipe --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
 check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe | without_work)" \
   "$(echo "$recipe" | without_recipe | without_work)"
-recipe=$(answer run E02 --pmf auto --samples 2e7)
-"$debias" run E02 --pmf auto --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
+recipe=$(answer run E02 --estimator recipe --samples 2e7)
+"$debias" run E02 --estimator recipe --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
 pid=$!
 tries=0
 while [ $tries -lt 100 ] && ! grep -aq "^pmf=tabulated" rk 2>/dev/null; do sleep 0.02; tries=$((tries + 1)); done

@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <debias/core/estimate.hpp>
 
+#include "commands/renamed.hpp"
 #include "commands/text.hpp"
 #include "core/ranks.hpp"
 #include "core/text.hpp"
@@ -32,7 +33,7 @@ struct Subcommand : Typed {
 
 void add_choice(Subcommand& c) {
   c.problem();
-  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
+  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none");
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
   c.value("block", "N", "Members of a block of systematic strata, which is one sample");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
@@ -47,7 +48,7 @@ void add_plan(Subcommand& c) {
 void add_goal(Subcommand& c) {
   c.value("error", "X", "As many samples as this standard error takes");
   c.value("relative_error", "X", "The same, in units of the mean");
-  c.value("time", "T", "As many samples as this time takes, 10s");
+  c.value("seconds", "T", "As many samples as this many seconds take, 10 or 10s");
 }
 
 void add_checkpoint(
@@ -77,7 +78,11 @@ std::string typed_so_far(const CLI::App& app) {
 }
 
 // CLI11 leaves words that it does not know to us, so that we can name the nearest one.
-[[noreturn]] void refuse_word(const CLI::App& app, const std::string& word, const std::string& where) {
+[[noreturn]] void refuse_words(const CLI::App& app, const std::vector<std::string>& words, const std::string& where) {
+  const std::string& word = words.front();
+  const std::string name = word.substr(0, word.find('='));
+  const std::string value = word != name ? word.substr(name.size() + 1) : words.size() > 1 ? words[1] : "";
+  for (const std::string& typed : {name + " " + value, name}) commands::refuse_if_renamed(typed);
   const bool is_option = word.size() > 1 && word[0] == '-';
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
@@ -86,8 +91,7 @@ std::string typed_so_far(const CLI::App& app) {
   for (const CLI::App* command : app.get_subcommands({})) {
     if (!is_option) names.push_back(command->get_name());
   }
-  const std::string meant =
-      suggestion(word.substr(0, word.find('=')), std::vector<std::string_view>(names.begin(), names.end()));
+  const std::string meant = suggestion(name, std::vector<std::string_view>(names.begin(), names.end()));
   throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where + "`)" +
                               (meant.empty() ? "; see `" + where + " --help`" : meant));
 }
@@ -95,9 +99,15 @@ std::string typed_so_far(const CLI::App& app) {
 const Subcommand& chosen(const CLI::App& app, const std::deque<Subcommand>& commands) {
   for (const Subcommand& command : commands) {
     if (!command.app->parsed()) continue;
-    for (const std::string& word : command.app->remaining()) refuse_word(*command.app, word, typed_so_far(app));
+    const std::vector<std::string> unknown = command.app->remaining();
+    if (!unknown.empty()) refuse_words(*command.app, unknown, typed_so_far(app));
+    for (const auto& [field, value] : command.words.values) {
+      for (const std::string& before : {option(field), command.command})
+        commands::refuse_if_renamed(before + " " + value);
+    }
   }
-  for (const std::string& word : app.remaining()) refuse_word(app, word, "debias");
+  const std::vector<std::string> unknown = app.remaining();
+  if (!unknown.empty()) refuse_words(app, unknown, "debias");
   for (const Subcommand& command : commands) {
     if (command.app->parsed()) return command;
   }
@@ -177,11 +187,12 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
                          "  debias list pmfs --json");
   list.app->add_option("TOPIC", list.words.values["topic"], "problems, estimators or pmfs");
 
-  Subcommand& run = add("run", "Estimate one problem",
-                        "  debias run A01\n"
-                        "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-                        "  debias run A01 --pmf auto --error 1e-4      a pilot chooses PMF, base and strata\n"
-                        "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
+  Subcommand& run =
+      add("run", "Estimate one problem",
+          "  debias run A01\n"
+          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+          "  debias run A01 --estimator recipe --error 1e-4      a pilot chooses PMF, base level and strata\n"
+          "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
   add_choice(run);
   add_plan(run);
   add_goal(run);

@@ -13,7 +13,7 @@ namespace debias::commands {
 
 struct AdviseRequest {
   const catalog::Problem* problem = nullptr;
-  Shape shape = {};  ///< what it gives is not left to the pilot; its PMF does not matter
+  Shape shape = {};  ///< what it gives is not left to the pilot; it gives no PMF
   Sampling sampling = {};
 };
 

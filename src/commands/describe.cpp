@@ -104,10 +104,10 @@ Fields describe(const Coupling& c) {
 
 Fields describe(const MeasuredRates& r) {
   return {{"kind", name_of(r.kind)},
-          {"mean", describe(r.mean_decay)},
-          {"variance", describe(r.variance_decay)},
-          {"fourth", describe(r.fourth_decay)},
-          {"work", describe(r.work_growth)}};
+          {"mean_decay", describe(r.mean_decay)},
+          {"variance_decay", describe(r.variance_decay)},
+          {"fourth_decay", describe(r.fourth_decay)},
+          {"work_growth", describe(r.work_growth)}};
 }
 
 Fields describe(const Advice& a) {

@@ -12,9 +12,6 @@
 namespace debias::commands {
 
 ReplayReport replay(const ReplayRequest& request) {
-  if (request.shape.by_recipe()) {
-    throw BadRequest({Field{"pmf"}, " auto (a replay needs the PMF itself); give the one that the run has printed"});
-  }
   const catalog::Choice choice = choice_of(request.shape, *request.problem);
   return {request.problem, choice, request.seed, request.sample,
           request.problem->trace(choice, request.seed, request.sample)};

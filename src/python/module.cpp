@@ -32,6 +32,7 @@
 #include "catalog.hpp"
 #include "commands/diagnose.hpp"
 #include "commands/list.hpp"
+#include "commands/renamed.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 
@@ -288,7 +289,7 @@ Facts facts_of(const py::dict& d) {
   facts.name = d["name"].cast<std::string>();
   facts.formula = d["formula"].cast<std::string>();
   facts.truth = number("truth");
-  facts.rates = {number("variance_rate"), number("work_rate"),
+  facts.rates = {number("variance_decay"), number("work_growth"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
   if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
@@ -365,11 +366,12 @@ PYBIND11_MODULE(_debias, m) {
   using namespace debias::python;
   refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
+  m.def("refuse_if_renamed", commands::refuse_if_renamed);
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 
   m.def("run", run_command<run_request>);
   m.def("multilevel", run_command<multilevel_request>);
-  m.def("recipe", run_command<advise_request>);
+  m.def("advise", run_command<advise_request>);
   m.def("survey", run_command<survey_request>);
   m.def("tradeoff", run_command<tradeoff_request>);
   m.def("replay", run_command<replay_request>);

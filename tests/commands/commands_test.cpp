@@ -56,7 +56,7 @@ TEST_CASE("a request with defaults alone runs a problem as its declared rates as
 
 TEST_CASE("a refusal names fields, and each door spells them", "[commands][exact]") {
   const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"pmf"}, " out of base_level"});
-  CHECK(std::string(e.what()) == "base_level = '1'; leave PMF out of base_level");
+  CHECK(std::string(e.what()) == "base_level = '1'; leave pmf out of base_level");
   CHECK(e.spelled([](std::string_view f) { return "<" + std::string(f) + ">"; }) ==
         "<base_level> = '1'; leave <pmf> out of base_level");
 }
@@ -74,9 +74,19 @@ TEST_CASE("fields that do not go together are refused, whoever asks", "[commands
         }).find("more than one") != std::string::npos);
   CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a sweep is for") !=
         std::string::npos);
-  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("PMF auto chooses it") !=
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("a recipe chooses it") !=
         std::string::npos);
-  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.pmf = ByRecipe{}}}); }).find("a replay needs") !=
+  const commands::Estimator by_recipe{.recipe = true};
+  for (const Shape& shape :
+       {Shape{.pmf = AnyPmf(Zeta(2.0))}, Shape{.estimator = by_recipe, .pmf = AnyPmf(Zeta(2.0))}}) {
+    CHECK(refusal([&] { advise({.problem = &problem(), .shape = shape}); }) ==
+          "pmf = 'zeta:s=2' (a recipe chooses it); leave it out");
+  }
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a recipe is for") !=
+        std::string::npos);
+  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.estimator = by_recipe}}); }).find("has printed") !=
+        std::string::npos);
+  CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = by_recipe}}); }).find("a sweep is for") !=
         std::string::npos);
   CHECK(refusal([&] { validate({.samples = 1}); }).find("has no standard error") != std::string::npos);
   CHECK(refusal([&] { multilevel_of({.problem = &problem()}); }).find("takes its draws from error") !=
@@ -100,7 +110,9 @@ TEST_CASE("a run that is kept half way and extended has the bits of the whole", 
 
 TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
   RunRequest now;
-  const RunReport report = run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}},
+  const RunReport report = run({.problem = &problem(),
+                                .shape = {.estimator = commands::Estimator{.recipe = true}},
+                                .sampling = {.samples = 20'000}},
                                {}, {}, [&](const RunRequest& kept, const RunState&) { now = kept; });
   REQUIRE(report.advice);
   CHECK(std::get<AnyPmf>(now.shape.pmf).spec() == report.advice->pmf.spec());

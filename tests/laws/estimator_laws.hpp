@@ -2,7 +2,7 @@
 
 // What every estimator must satisfy, as a list of the claims that failed:
 //
-//   CHECK(PMFs::estimator_laws(e, truth) == PMFs::Failures{});
+//   CHECK(laws::estimator_laws(e, truth) == laws::Failures{});
 //
 //   replay     the same sample gives the same bits, and trace gives those of a run
 //   record     work is positive and the sum over what a sample reports, its level the deepest of it
@@ -142,10 +142,10 @@ class EstimatorLaws {
 
 }  // namespace detail
 
-/// Every broken PMF in words; empty when all are kept.
+/// Every broken law in words; empty when all are kept.
 template <Estimator E>
 Failures estimator_laws(const E& estimator, const estimate_value_t<E>& truth, const EstimatorLawOptions& options = {}) {
   return detail::EstimatorLaws<E>(estimator, truth, options).check();
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

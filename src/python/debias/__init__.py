@@ -16,6 +16,7 @@ result holds the number that was taken, as `seed`.
 from __future__ import annotations
 
 import copy
+import functools
 import html
 import math
 import numbers
@@ -34,8 +35,8 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral",
-    "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
+    "Problem", "Report", "Result", "Samples", "advise", "diagnose", "estimate", "estimators", "function_of_integral",
+    "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
     "stream_version", "survey", "tradeoff",
 ]
 
@@ -84,6 +85,8 @@ class Report:
         return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
 
     def __getitem__(self, key: str) -> Any:
+        if key not in self._data:
+            _debias.refuse_if_renamed(f"['{key}']")
         return self._data[key]
 
     def __eq__(self, other: object) -> bool:
@@ -330,15 +333,15 @@ def _problem(problem: Any) -> Any:
                     "see debias.levels and debias.function_of_mean)")
 
 
-def _pmf(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
-    """Without declared rates a pilot has to choose the PMF, where there is one."""
-    needs = pmf is None and estimator not in ("truncated", "multilevel")
+def _estimator(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
+    """Without declared rates and without a PMF only a recipe can go on, where there may be a pilot."""
+    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe")
     if not needs or not isinstance(problem, Problem) or problem.declares_rates:
-        return pmf
-    if pilot and estimator in (None, "single_term", "single_term_drawn"):
-        return "auto"
+        return estimator
+    if pilot and estimator is None:
+        return "recipe"
     raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
-                     "an estimate")
+                     "an estimate or of `advise`")
 
 
 class _Bar:
@@ -375,23 +378,23 @@ class _Bar:
 def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
-             relative_error: Optional[Number] = None, time: Optional[Number] = None,
+             relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
              confidence: Number = 0.95, progress: Progress = None) -> Result:
-    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `time` ask for.
+    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `seconds` ask for.
 
-    pmf         of the random level, "geometric:r=0.6"; "auto": a pilot chooses PMF, base level and strata. Without
-                one the declared rates of the problem choose, or a pilot where there are none.
-    estimator   see `estimators()`; "multilevel", the biased baseline, takes an `error`
+    estimator   see `estimators()`; "recipe": a pilot chooses PMF, base level and strata, also where neither a PMF nor
+                rates are given; "multilevel", the biased baseline, takes an `error`
+    pmf         of the random level, "geometric:r=0.6"; without one the declared rates of the problem choose
     block       members of a block of systematic strata, which is one sample
     progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
 
     Issues a DebiasWarning for each doubt of the result.
     """
+    estimator = _estimator(_problem(problem), pmf, estimator, pilot=True)
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
-                       estimator=None if estimator == "multilevel" else estimator,
-                       pmf=_pmf(_problem(problem), pmf, estimator, pilot=True), base_level=base_level, block=block,
-                       error=error, relative_error=relative_error, time=time, confidence=confidence)
+                       estimator=None if estimator == "multilevel" else estimator, pmf=pmf, base_level=base_level,
+                       block=block, error=error, relative_error=relative_error, seconds=seconds, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, options, bar))
     _warn(result)
@@ -410,7 +413,7 @@ def _warn(result: Result) -> None:
     said = {text for _, text in doubts}
     doubts += [(DebiasWarning, text) for text in data.get("warnings", []) if text not in said]
     for category, text in doubts:
-        warnings.warn(text, category, stacklevel=3)
+        warnings.warn(text, category, stacklevel=4)
 
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
@@ -426,7 +429,7 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    options = _options(seed=seed, estimator=estimator, pmf=_pmf(_problem(problem), pmf, estimator),
+    options = _options(seed=seed, estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf,
                        base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
@@ -441,8 +444,9 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
-    options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
-                       pmf=_pmf(_problem(problem), pmf, estimator), base_level=base_level, block=block)
+    options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
+                       estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf, base_level=base_level,
+                       block=block)
     return Report(*_debias.replay(problem, options, None))
 
 
@@ -465,15 +469,19 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
         return Report(*_debias.tradeoff(_problem(problem), options, bar))
 
 
-def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
+def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
-           relative_error: Optional[Number] = None, time: Optional[Number] = None,
+           relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
            progress: Progress = None) -> Report:
-    """What a pilot would choose: base level, PMF and strata, and what they are worth."""
+    """What a recipe would choose: base level, PMF and strata, and what they are worth.
+
+    `estimate(problem, pmf=a["pmf"], base_level=a["base_level"], block=a["block"], estimator=...)` follows the advice
+    without another pilot, "single_term_drawn" where its a["base"] is "drawn".
+    """
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
-                       error=error, relative_error=relative_error, time=time, pmf="auto")
+                       error=error, relative_error=relative_error, seconds=seconds)
     with _Bar(progress) as bar:
-        return Report(*_debias.recipe(_problem(problem), options, bar))
+        return Report(*_debias.advise(_problem(problem), options, bar))
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
@@ -682,5 +690,27 @@ def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequ
     beta, gamma = (None, None) if rates is None else (float(r) for r in rates)
     if beta is not None and not (beta > 0 and math.isfinite(gamma)):
         raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
-    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_rate": beta, "work_rate": gamma,
+    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_decay": beta, "work_growth": gamma,
             "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}
+
+
+# ---- names of 0.1 say what they are now; to be removed at 0.3, with `refuse_if_renamed`
+
+
+def __getattr__(name: str) -> Any:
+    _debias.refuse_if_renamed(f"{name}()")
+    raise AttributeError(f"module 'debias' has no attribute '{name}'")
+
+
+def _knows_old_names(f: Any) -> Any:
+    @functools.wraps(f)
+    def checked(*arguments: Any, **options: Any) -> Any:
+        for name, value in options.items():
+            for typed in (f"{name}={value!r}", f"{name}="):
+                _debias.refuse_if_renamed(typed)
+        return f(*arguments, **options)
+    return checked
+
+
+for _f in (estimate, samples, replay, survey, tradeoff, advise):
+    globals()[_f.__name__] = _knows_old_names(_f)
