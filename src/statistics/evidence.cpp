@@ -591,8 +591,12 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     const LevelVoice& v = e.voices[i];
     if (e.facts[i].is_base || v.level > last || !is_finite(v) || is_zero(v)) continue;
     if (v.votes() && !e.courses.empty()) continue;  // measured
-    if (at(v.level).log2_second < v.log2_second) {
-      at(v.level) = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
+    Believed& here = at(v.level);
+    if (!(here.log2_second < v.log2_second)) continue;
+    if (v.log2_second - here.log2_second <= 2 * here.error) {  // as the course has it
+      here.log2_second = v.log2_second;
+    } else {
+      here = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
     }
   }
   const bool over = e.end != End::none && e.grade == Grade::shown;
