@@ -80,7 +80,14 @@ class Choice {
         options_.base_level.value_or(std::max(options_.lowest_base, survey_.evidence.lowest_base));
     const std::int64_t highest =
         std::max(lowest, options_.base_level.value_or(survey_.rows[survey_.rows.size() - 2].level));
-    const double unit = row(lowest).value_work;
+    const auto first = std::find_if(survey_.rows.begin(), survey_.rows.end(), [&](const SurveyRow& r) {
+      return r.level >= lowest && survey_.row_at(r.level + 1) != nullptr;
+    });
+    if (first == survey_.rows.end()) {
+      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) +
+                                  " (the pilot reached no two levels there); take a lower one, or more samples");
+    }
+    const double unit = first->value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;

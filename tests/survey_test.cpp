@@ -79,6 +79,30 @@ constexpr double family_z = 5.5;
 
 }  // namespace
 
+TEST_CASE("the tails of a survey are those of the differences, in any unit", "[survey][exact]") {
+  // D_k is uniform on (0, 2^-k), zero in two of three draws; I_k is far larger.
+  const auto in_unit = [](double unit) {
+    return survey(
+        [unit](std::int64_t level, Stream& rng) -> Draw<double> {
+          const double u = rng.uniform();
+          const double value = 1000 * rng.uniform() * unit;
+          if (level == 0) return base(value);
+          const double d = u < 2.0 / 3 ? 0 : (3 * u - 2) * std::exp2(static_cast<double>(-level)) * unit;
+          return {value, d, 1.0};
+        },
+        6, {.samples = 4096});
+  };
+  const Survey plain = in_unit(1);
+  const Survey tiny = in_unit(0x1p-400);
+  for (std::size_t k = 1; k < plain.rows.size(); ++k) {
+    CAPTURE(k);
+    CHECK(plain.rows[k].tail_index < -0.5);  // a uniform law: -1
+    CHECK(tiny.rows[k].tail_index == Approx(plain.rows[k].tail_index));
+    CHECK(tiny.rows[k].kurtosis == Approx(plain.rows[k].kurtosis));
+  }
+  CHECK(tiny.pmf_exists == plain.pmf_exists);
+}
+
 TEST_CASE("the table of A10 agrees with its closed-form moments at every level", "[survey][statistical]") {
   const Survey s = survey(SquaredMean{}, 9, {.samples = 1 << 14, .seed = 3});
   REQUIRE(s.rows.size() == 9);
