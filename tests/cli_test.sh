@@ -50,6 +50,20 @@ refused_by 2 "--base-level = '-1'" run A01 --base-level -1
 refused_by 2 "levels are drawn from 100 on" run A01 --base-level 99
 refused_by 2 "no PMF has both" run E06
 refused_by 2 "no PMF has finite variance and finite work.*stable index" run E06 --pmf auto
+# with --json a program reads the refusal, which a typing error has not
+for options in '' '--pmf auto'; do
+  "$debias" run E06 $options --json > out 2> err
+  check "exit code of no PMF in JSON: $options" same $? 2
+  check "one line on stderr of it: $options" same "$(lines err)" 1
+  check "its kind: $options" has '"kind": "no_pmf"' out
+  check "its decay: $options" has '"variance_decay": [0-9.]*,' out
+  check "its reason: $options" has '"reason": "E D_k^2 falls like' out
+done
+"$debias" run E06 --json > out 2> err
+check "declared rates are exact" has '"grade": "declared"' out
+"$debias" run C12 --json > out 2> err
+check "what grows is not said to fall" has '"reason": "E D_k^2 grows like 2^(1 k)' out
+refused_by 2 "did you mean" run E06 --pmf geometrc:r=0.5 --json
 refused_by 2 "a replay needs the PMF itself" replay A01 --pmf auto --seed 1 --sample 1
 refused_by 2 "'roulette'" run D01 --pmf auto --estimator roulette
 refused_by 2 "--block = '0'" run A01 --block 0
@@ -176,12 +190,12 @@ check "and the verdict says so" has 'INFINITE' out
 "$debias" run A10 --pmf auto --samples 1e5 --seed 4 --json > run.json 2> err
 check "a recipe runs" same $? 0
 check "a recipe says what it chose" has '"recipe": {' run.json
-for key in PMF estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
+for key in pmf estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
 sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
 check "the PMF of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
-"$debias" run A10 --pmf auto --samples 1e4 > run.txt
+"$debias" run A10 --pmf auto --samples 1e4 --full > run.txt
 largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
 eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
 check "the replay that a recipe prints is a command" \
@@ -201,6 +215,20 @@ check "a missed goal prints its result" has 'NOT met' out
 check "one line on a missed goal" same "$(lines err)" 1
 "$debias" survey A10 --levels 6 --samples 1000 > out
 check "a survey ends in an answer" has 'exists: yes' out
+check "a brief survey has no kurtosis" lacks kurtosis out
+"$debias" survey A01 --samples 1000 --full > out 2> err
+check "a full survey has" has kurtosis out
+"$debias" run A10 --samples 20000 > brief 2> err
+"$debias" run A10 --samples 20000 --full > out 2> err
+check "a brief run is brief" [ "$(lines brief)" -le 8 ]
+check "with one line of verdict" same "$(grep -c '^verdict' brief)" 1
+for word in efficiency coupling 'upper tail' largest 'E D^2'; do
+  check "a full run has $word" has "$word" out
+  check "a brief one has not: $word" lacks "$word" brief
+done
+"$debias" run A10 --samples 1 --json > out 2> err
+check "warnings have codes" has '"code": "one_sample"' out
+refused_by 2 "'--full'" list --full
 "$debias" tradeoff A10 --points 5 --samples 1000 > out 2> err
 check "a sweep has its best and its bound" eval 'grep -q "best of the family" out && grep -q "^bound" out'
 "$debias" tradeoff A10 --points 5 --samples 1000 --csv > out

@@ -2,6 +2,7 @@
 
 #include <ostream>
 #include <string>
+#include <vector>
 
 #include "describe.hpp"
 #include "store.hpp"
@@ -22,19 +23,24 @@ SurveyReport survey(const SurveyRequest& request, const Watch& watch) {
   return {&problem, plan.samples, debias::survey(problem.levels, request.levels, plan)};
 }
 
-void print(std::ostream& out, const SurveyReport& s) {
+void print(std::ostream& out, const SurveyReport& s, bool full) {
   print_line(out, "problem", title(*s.problem));
-  out << s.survey;
+  full ? print_full(out, s.survey) : void(out << s.survey);
 }
 
 Fields fields(const SurveyReport& s) {
   const Survey& survey = s.survey;
+  std::vector<Warning> warnings;
+  for (const Warning& remark : survey.remarks) {
+    if (!is_note(remark.code)) warnings.push_back(remark);
+  }
   Fields f = describe(*s.problem);
   append(f, {{"samples", s.samples},
              {"seed", survey.seed},
              {"rates", describe(survey.rates)},
              {"pmf_exists", name_of(survey.pmf_exists)},
              {"grade", name_of(survey.grade)},
+             {"warnings", warnings},
              {"remarks", survey.remarks},
              {"work", survey.work},
              {"seconds", survey.seconds},
