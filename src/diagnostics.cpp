@@ -23,6 +23,7 @@ double exponent_beside(const Rates& rates, const TailExponent& pmf) {
 
 // E|Z|^q = sum p E|D|^q p^(-q) is finite iff q < 1 / xi.
 double tail_index(const Rates& rates, double rho) {
+  if (std::isnan(rates.variance_decay)) return rates.variance_decay;
   if (std::isinf(rates.variance_decay)) return 0;
   if (std::isinf(rho)) return 1;  // the limit of both formulas
   const double half = rates.variance_decay / 2;

@@ -136,7 +136,8 @@ void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 
 /// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
 /// The pilot counts in the work and the seconds of the result.
-/// Throws NoPmfError, with the reasons, where it is shown or likely that no PMF has finite variance and finite work, UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
+/// Throws NoPmfError, with the reasons, where it is shown or likely that no PMF has finite variance and finite work,
+/// UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
   Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);

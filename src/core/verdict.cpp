@@ -352,7 +352,9 @@ std::string way_out(const RunVerdict& v) {
     return "no PMF falls slowly enough; a better coupling or a smoother integrand may help, or `truncated`.";
   }
   if (l.available && std::isfinite(bound)) {
-    return "its differences do not fall, which no PMF mends; a better coupling or a smoother integrand may.";
+    return l.beta > 0
+               ? "its differences hardly fall; take a PMF that falls much more slowly, or a better coupling."
+               : "its differences do not fall, which no PMF mends; a better coupling or a smoother integrand may.";
   }
   if (v.grade == Grade::likely && !l.available) {
     return "a lognormal looks the same; replay the largest samples to find the cause.";

@@ -82,15 +82,13 @@ void detail::print_ends(std::size_t n, const std::function<void(std::size_t i, c
 std::string tail_words(const TailIndex& tail) {
   if (tail.state == TailState::too_few) return "no shape: too few values beyond the most common ones";
   if (tail.state == TailState::bounded) return "bounded: the outermost value is too common for a tail";
-  const auto figure = [](double x, detail::NumberPattern pattern = "%.3g") {
-    return std::isfinite(x) ? format(pattern, x) : std::string("-");
-  };
+  const auto figure = [](double x) { return std::isfinite(x) ? format("%.3g", x) : std::string("-"); };
   // Beyond chance only: two errors.
   const double least = tail.k - 2 * tail.error;
   const char* means = least >= 1     ? "even the mean looks infinite; "
                       : least >= 0.5 ? "the variance looks infinite; "
                                      : "";
-  return "k = " + figure(tail.k) + " +- " + figure(tail.error, "%.2g") + " (" + means + std::to_string(tail.values) +
+  return "k = " + figure(tail.k) + " +- " + format("%.2g", tail.error) + " (" + means + std::to_string(tail.values) +
          " values; " + (tail.ties ? "with ties as they are " + figure(tail.plain) + ", " : "") + "Hill " +
          figure(tail.hill) + ", moment " + figure(tail.moment) + ", Pickands " + figure(tail.pickands) + ")";
 }
