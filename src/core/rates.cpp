@@ -41,8 +41,8 @@ void refuse_unknown(const Rates& rates) {
   NoPmfError::Facts facts{.variance_decay = decay, .work_growth = growth, .decay = unit, .grade = grade};
   facts.reason = decay_words("E D_k^2", decay, unit) + " and " + growth_words("work", growth, unit);
   facts.help = what_helps;
-  throw NoPmfError("pmf: " + facts.reason + " (no PMF has both finite variance and finite work); " + facts.help,
-                   std::move(facts));
+  const std::string what = "pmf: " + facts.reason + " (no PMF has both finite variance and finite work); " + facts.help;
+  throw NoPmfError(what, std::move(facts));
 }
 
 // `fourth` is the decay of E D^4, for rates with a PMF.

@@ -215,7 +215,7 @@ TEST_CASE("no PMF is another refusal than a request that cannot be done", "[comm
   }
   RunRequest typo{.problem = &problem(), .sampling = {.samples = 100}};
   typo.shape.block = 4;
-  typo.shape.estimator = Estimator{catalog::Method::independent_sum};
+  typo.shape.estimator = commands::Estimator{catalog::Method::independent_sum};
   CHECK_FALSE(refused(typo));
   CHECK_THROWS_AS(run(typo), BadRequest);
 }

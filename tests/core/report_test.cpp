@@ -105,7 +105,7 @@ TEST_CASE("a brief report has one line of verdict, a full one levels, tails and 
   const auto rare = [](Stream& rng) { return rng.uniform() < 0.002 ? 1.0 : 0.0; };
   const auto few = estimate(rare, {.samples = 2000, .seed = 1});
   REQUIRE_FALSE(few.verdict().interval_reliable());
-  CHECK(text_of(few).find("verdict") == text_of(few).rfind("\nverdict") + 1);
+  CHECK(text_of(few).find("\nverdict") == text_of(few).rfind("\nverdict"));
   CHECK_THAT(few.verdict().sentence(), Contains("unreliable") || Contains("open"));
 }
 
