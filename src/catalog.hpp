@@ -76,7 +76,7 @@ struct Problem {
 Rates rates_of(const Problem& problem, Method method);
 
 /// The PMF of the problem, or the one that its declared rates ask for.
-/// Throws std::invalid_argument where no PMF has finite variance and finite work.
+/// Throws NoPmfError where no PMF has finite variance and finite work.
 AnyPmf default_pmf(const Problem& problem, Method method = Method::single_term);
 
 /// All problems, in the order of their ids.

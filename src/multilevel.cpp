@@ -11,6 +11,7 @@
 
 #include "core/regression.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -129,7 +130,7 @@ class Driver {
 
   void add(Level& level, std::size_t l, const Statistics& s) {
     level.add(s);
-    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
+    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_warning(s.fewer_threads));
     if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
       throw std::invalid_argument("multilevel: level " + std::to_string(l) +
                                   " (draws, or their squares, are not finite: no mean and no error)");
@@ -282,7 +283,7 @@ class Driver {
   std::vector<Level> pilots_;
   std::vector<Level> levels_;
   std::vector<double> wanted_;
-  std::vector<std::string> warnings_;
+  std::vector<Warning> warnings_;
 };
 
 }  // namespace
@@ -318,19 +319,22 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
   return result;
 }
 
-std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
-  for (std::size_t i = 0; i < s.components.size(); ++i) {
+namespace {
+
+void print(std::ostream& out, const MultilevelStatistics& s, bool full) {
+  detail::print_ends(s.components.size(), [&](std::size_t i, const std::string& left_out) {
     out << (i == 0 ? "mean          " : "              ")
-        << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
-  }
-  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
-      << format("%.2f", s.alpha) << " l)\n";
+        << (left_out.empty() ? with_error(s.components[i].mean, s.components[i].standard_error) : left_out) << '\n';
+  });
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like "
+      << power_text(-s.alpha, Decay::geometric) << '\n';
   out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
       << format("%.3g", s.error()) << '\n';
-  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  if (full) out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
   out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
       << " in the pilots, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
-  for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
+  for (const Warning& warning : s.warnings) out << "warning       " << warning.text << '\n';
+  if (!full) return;
   const auto line = [&out](const std::array<std::string, 5>& cells) {
     constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
     for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
@@ -341,7 +345,15 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
   for (const MultilevelRow& r : s.rows) {
     line({std::to_string(r.level), std::to_string(r.draws), number(r.difference), number(r.variance), number(r.work)});
   }
+}
+
+}  // namespace
+
+std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
+  print(out, s, false);
   return out;
 }
+
+void print_full(std::ostream& out, const MultilevelStatistics& s) { print(out, s, true); }
 
 }  // namespace debias

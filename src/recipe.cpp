@@ -9,9 +9,11 @@
 #include <map>
 #include <ostream>
 #include <stdexcept>
+#include <utility>
 
 #include "core/ranks.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 #include "survey/pilot.hpp"
 
 namespace debias {
@@ -342,10 +344,13 @@ double wanted_members(const Advice& advice, const Plan& plan) {
 }
 
 std::string levels_text(const Evidence& e) {
-  if (e.first_vote < 0) return "no level";
-  return e.first_vote == e.last_vote ? "level " + std::to_string(e.first_vote)
-                                     : "levels " + std::to_string(e.first_vote) + " to " + std::to_string(e.last_vote);
+  return e.first_vote < 0 ? "no level" : levels_words(e.first_vote, e.last_vote);
 }
+
+Decay unit_of(const Evidence& e) { return e.polynomial ? Decay::polynomial : Decay::geometric; }
+
+// In the unit of the decay; of an exponent of the other kind nothing is left.
+FittedRate growth_of_work(const Evidence& e) { return e.exponential_work != e.polynomial ? e.work : FittedRate{}; }
 
 // What the levels show of the decay.
 std::string rate_text(const Survey& s) {
@@ -354,13 +359,13 @@ std::string rate_text(const Survey& s) {
   if (e.end == End::zeros || e.end == End::stated) return "the differences are zero beyond the first levels";
   if (e.courses.empty()) return "too few levels show their second moment";
   if (s.rates.kind == RateKind::super_exponential) return "the differences fall faster than any power";
-  const char* unit = e.polynomial ? "k^" : "2^(k x ";
-  const char* end = e.polynomial ? "" : ")";
-  const bool grows = e.exponential_work != e.polynomial;
-  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -e.decay.value) + end + " (+- " +
-         format("%.2f", e.decay.error) + ", " + levels_text(e) + "), work grows like " + unit +
-         format("%.2f", grows ? e.work.value : 0) + end;
+  return decay_words("E D_k^2", e.decay, unit_of(e), levels_text(e)) + ", " +
+         growth_words("work", growth_of_work(e), unit_of(e));
 }
+
+constexpr const char* what_helps =
+    "a better coupling or a smoother integrand (beta up), extrapolation (alpha up), or multilevel, whose bias is "
+    "stated";
 
 void describe_none(Advice& a) {
   const Evidence& e = a.survey.evidence;
@@ -374,17 +379,18 @@ void describe_none(Advice& a) {
   a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
   a.sentences.push_back("no PMF has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
                         "): " + rate_text(a.survey));
+  const bool falls = beta > 0 && !is_flat(e.decay);
   std::string best = "the best with finite work is " + a.pmf.spec();
-  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
-  if (!polynomial && beta > 0 && work > 0) {
+  if (std::isfinite(a.highest_moment)) {
+    best += ": " + (falls || a.highest_moment <= 1 ? moments_words(a.highest_moment)
+                                                   : std::string("it is open whether even the mean is finite"));
+  }
+  if (!polynomial && falls && work > 0) {
     best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
             " in the limit), the error falls like work^-" + format("%.2g", std::min(0.5, beta / (2 * work)));
   }
   a.sentences.push_back(best);
-  a.sentences.emplace_back(
-      "what helps: a better coupling or a smoother integrand (beta up), extrapolation (alpha up), or "
-      "multilevel, whose "
-      "bias is stated");
+  a.sentences.push_back(std::string("what helps: ") + what_helps);
 }
 
 void describe(Advice& a) {
@@ -415,16 +421,15 @@ void describe(Advice& a) {
   if (together) efficiency += " and are not stratified by their first number";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
-  std::string moments =
-      "the tail of the PMF falls like " +
-      (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
+  std::string moments = decay_words("the tail of the PMF", {rho, 0}, a.exponent.decay);
+  if (std::isfinite(a.highest_moment)) moments += ": " + moments_words(a.highest_moment);
   if (a.price != 1) {
-    a.sentences.push_back((a.deepest_level == deepest_of_all
-                               ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
+    a.warnings.push_back({WarningCode::deepest_level,
+                          (a.deepest_level == deepest_of_all
+                               ? std::string("no level of 2^62 or more can be drawn (it does not fit 64 bits)")
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
-                          std::string(": so that it hardly comes up, the PMF falls faster than the best one, at ") +
-                          format("%.3g", a.price) + " times its variance x work");
+                              ": so that it hardly comes up, the PMF falls faster than the best one, at " +
+                              format("%.3g", a.price) + " times its variance x work"});
   }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");
@@ -564,29 +569,88 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     throw std::invalid_argument("recipe: the goal takes " + format("%.3g", wanted_members(advice, plan)) +
                                 " members (does not fit 64 bits); ask for a larger error");
   }
+  for (const Warning& remark : advice.survey.remarks) {
+    if (!is_note(remark.code)) advice.warnings.push_back(remark);
+  }
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
 
-std::ostream& operator<<(std::ostream& out, const Advice& advice) {
-  const char* name = "recipe";
-  for (const std::string& sentence : advice.sentences) {
-    out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
-    name = "";
-  }
-  out << "pilot         work " << format("%.4g", advice.pilot_work) << ", " << std::to_string(advice.survey.rows.size())
-      << " levels";
-  for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
-  return out << '\n';
+namespace {
+
+void print_line(std::ostream& out, const char* name, const std::string& text) {
+  out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
 }
 
-Plan detail::plan_of(const Plan& plan, const Advice& advice) {
-  if (!advice.usable()) {
-    std::string reasons = "recipe: ";
-    for (const std::string& sentence : advice.sentences)
-      reasons += (&sentence == &advice.sentences.front() ? "" : "; ") + sentence;
-    throw std::invalid_argument(reasons);
+std::string pilot_text(const Advice& advice) {
+  return "work " + format("%.4g", advice.pilot_work) + ", " + std::to_string(advice.survey.rows.size()) + " levels";
+}
+
+}  // namespace
+
+std::ostream& operator<<(std::ostream& out, const Advice& advice) {
+  if (!advice.sentences.empty()) print_line(out, "recipe", advice.sentences.front());
+  if (advice.usable()) {
+    print_line(out, "pmf", advice.pmf.spec());
+    print_line(out, "base",
+               "level " + std::to_string(advice.base_level) +
+                   (advice.base == Base::drawn ? ", one outcome of the PMF" : ", in every sample") + "; blocks of " +
+                   std::to_string(advice.block));
+    print_line(out, "predicted",
+               "variance " + format("%.3g", advice.predicted.variance) + " x work " +
+                   format("%.4g", advice.predicted.work) +
+                   " of a member = " + format("%.3g", advice.predicted.product()));
   }
+  print_line(out, "pilot", pilot_text(advice));
+  for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
+  return out;
+}
+
+void print_full(std::ostream& out, const Advice& advice) {
+  const char* name = "recipe";
+  for (const std::string& sentence : advice.sentences) {
+    print_line(out, name, sentence);
+    name = "";
+  }
+  if (advice.usable()) print_line(out, "pmf", advice.pmf.spec());
+  print_line(out, "pilot", pilot_text(advice));
+  for (const Warning& remark : advice.survey.remarks) {
+    if (is_note(remark.code)) print_line(out, "remark", remark.text);
+  }
+  for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
+}
+
+void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
+  for (const Warning& doubt : advice.warnings) {
+    const auto same = [&doubt](const Warning& w) { return w.code == doubt.code; };
+    if (std::none_of(result.warnings.begin(), result.warnings.end(), same)) print_line(out, "warning", doubt.text);
+  }
+}
+
+namespace {
+
+// What an advice without a PMF has to say to who wanted one.
+NoPmfError refusal_of(const Advice& advice) {
+  const Evidence& e = advice.survey.evidence;
+  constexpr double unknown = NoPmfError::unknown;
+  NoPmfError::Facts facts;
+  facts.variance_decay = e.courses.empty() ? FittedRate{unknown, unknown} : e.decay;
+  facts.work_growth = {growth_of_work(e).value, unknown};
+  facts.decay = unit_of(e);
+  facts.grade = advice.survey.grade == Grade::shown ? NoPmfError::Grade::shown : NoPmfError::Grade::likely;
+  facts.reason = rate_text(advice.survey);
+  facts.help = what_helps;
+  std::string what = "recipe: ";
+  for (const std::string& sentence : advice.sentences) {
+    what += (&sentence == &advice.sentences.front() ? "" : "; ") + sentence;
+  }
+  return {what, std::move(facts)};
+}
+
+}  // namespace
+
+Plan detail::plan_of(const Plan& plan, const Advice& advice) {
+  if (!advice.usable()) throw refusal_of(advice);
   Plan run = plan;
   run.samples = advice.members / advice.block;
   run.pilot += {advice.pilot_work, advice.pilot_seconds};
@@ -600,8 +664,8 @@ void detail::follow(Statistics& statistics, const Advice& advice, const Goal& go
   statistics.goal = goal;
   statistics.pilot_levels = advice.survey.evidence.facts;
   statistics.sequence = advice.facts;
-  for (const std::string& remark : advice.survey.remarks) {
-    if (remark.find("every estimate from it is biased") != remark.npos) statistics.warnings.push_back(remark + ".");
+  for (const Warning& remark : advice.survey.remarks) {
+    if (remark.code == WarningCode::coupling) statistics.warnings.push_back({remark.code, remark.text + "."});
   }
 }
 

@@ -22,7 +22,7 @@ namespace {
 
 bool remarks_on(const Survey& s, const std::string& what) {
   return std::any_of(s.remarks.begin(), s.remarks.end(),
-                     [&](const std::string& r) { return r.find(what) != std::string::npos; });
+                     [&](const Warning& r) { return r.text.find(what) != std::string::npos; });
 }
 
 /// Scale 2^(-rate k / 2) times a normal number: every moment is known, the kurtosis is 3.
@@ -133,6 +133,8 @@ TEST_CASE("the consistency check finds a coupling whose coarse partner is not th
   CHECK_FALSE(remarks_on(survey(SquaredMean{}, 8, plan), "every estimate from it is biased"));
   const Survey wrong = survey(WrongCoupling{}, 8, plan);
   CHECK(remarks_on(wrong, "every estimate from it is biased"));
+  CHECK(std::any_of(wrong.remarks.begin(), wrong.remarks.end(),
+                    [](const Warning& w) { return w.code == WarningCode::coupling; }));
   CHECK(std::abs(wrong.rows[1].consistency) > 4.5);
 }
 
@@ -257,8 +259,14 @@ TEST_CASE("a survey that is interrupted keeps its complete levels and says so", 
 }
 
 TEST_CASE("a survey prints its table, rates and answer", "[survey][exact]") {
+  const Survey s = survey(SquaredMean{}, 6, {.samples = 2048});
   std::ostringstream text;
-  text << survey(SquaredMean{}, 6, {.samples = 2048});
+  text << s;
+  for (const char* word : {"exists: yes", "E D_k^2 falls like 2^(-", "work grows like 2^(1 k)"})
+    CHECK(text.str().find(word) != text.str().npos);
+  for (const char* word : {"kurtosis", "rates (levels *"}) CHECK(text.str().find(word) == text.str().npos);
+  text.str("");
+  text << full(s);
   for (const char* word : {"kurtosis", "rates (levels *", "exists: yes"})
     CHECK(text.str().find(word) != text.str().npos);
 }

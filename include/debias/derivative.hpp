@@ -205,8 +205,11 @@ class FiniteDifference {
       text += ", since " + doubt;
     } else if (!finite) {
       text += ", since the differences are not finite";
+    } else if (!(fall > 0)) {
+      text += ", since E D_k^2 does not fall";
     } else {
-      text += " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance_decay) + " k)";
+      text += std::isinf(fall) ? std::string(" if E D_k^2 falls faster than any power")
+                               : " if E D_k^2 falls like 2^(-" + detail::format("%g", rates.variance_decay) + " k)";
     }
     text += ", rounding " + detail::format("%g", rounding) + " if f is good to one unit in the last place";
     return {truncation + rounding, text};

@@ -11,7 +11,9 @@
 
 #include <CLI/CLI.hpp>
 #include <debias/core/estimate.hpp>
+#include <debias/core/no_pmf.hpp>
 
+#include "commands/describe.hpp"
 #include "commands/renamed.hpp"
 #include "commands/text.hpp"
 #include "core/ranks.hpp"
@@ -131,6 +133,13 @@ int report_sample(const SampleError& error) {
     complain(error.what());
   }
   return internal_error;
+}
+
+// For a program that called this one: no PMF, and why.
+commands::Fields refusal(const NoPmfError& e) {
+  commands::Fields f = {{"kind", "no_pmf"}, {"message", e.what()}};
+  commands::append(f, commands::describe(e));
+  return f;
 }
 
 // Ranks share the samples of this request, and its seed, which each may have drawn for itself.
@@ -324,6 +333,10 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   photons.flag("allow_infinite_mean", "Run the alpha schedule, whose mean does not converge");
   add_picture(photons);
 
+  for (Subcommand* c : {&run, &resume, &merge, &survey, &diagnose}) {
+    c->app->add_flag("--full", c->delivery.full,
+                     "All of the text: levels, tails, largest values, reasons; --json has it always");
+  }
   for (Subcommand& c : all) {
     c.app->add_flag(
         "--json", c.delivery.json,
@@ -362,7 +375,16 @@ int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
   if (!typed) return done;
   Command command{read_request(typed->command, typed->words), typed->delivery};
   if (ranks != nullptr) share(command.request, ranks);
-  return execute(command);
+  try {
+    return execute(command);
+  } catch (const NoPmfError& e) {
+    if (command.delivery.json) {
+      Output out;
+      out.stream() << commands::pretty_json(commands::Fields{{"status", "no_pmf"}, {"error", refusal(e)}}) << '\n';
+      out.flush();
+    }
+    throw;
+  }
 }
 
 int exit_code_of_current_exception() {

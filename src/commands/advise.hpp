@@ -24,7 +24,8 @@ struct AdviceReport {
 
 AdviceReport advise(const AdviseRequest& request, const Watch& watch = {});
 
-void print(std::ostream& out, const AdviceReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const AdviceReport& report, bool full = false);
 Fields fields(const AdviceReport& report);
 
 }  // namespace debias::commands

@@ -88,7 +88,9 @@ Fields describe(const RunVerdict& v) {
           {"deepest_level", v.deepest_level},
           {"samples_needed", v.samples_needed},
           {"rate", v.rate},
-          {"sentences", v.sentences()}};
+          {"sentence", v.sentence()},
+          {"sentences", v.sentences()},
+          {"reasons", v.reasons}};
 }
 
 Fields describe(const Coupling& c) {
@@ -123,7 +125,19 @@ Fields describe(const Advice& a) {
           {"grade", name_of(a.survey.grade)},
           {"rates", describe(a.survey.rates)},
           {"sentences", a.sentences},
+          {"warnings", a.warnings},
           {"remarks", a.survey.remarks}};
+}
+
+Fields describe(const NoPmfError& e) {
+  return {{"variance_decay", e.variance_decay().value},
+          {"variance_decay_error", e.variance_decay().error},
+          {"work_growth", e.work_growth().value},
+          {"work_growth_error", e.work_growth().error},
+          {"decay", e.decay() == Decay::polynomial ? "polynomial" : "geometric"},
+          {"grade", name_of(e.grade())},
+          {"reason", e.reason()},
+          {"help", e.help()}};
 }
 
 }  // namespace debias::commands

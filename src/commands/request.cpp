@@ -4,6 +4,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/no_pmf.hpp>
+
 namespace debias::commands {
 namespace {
 
@@ -44,6 +46,8 @@ AnyPmf pmf_of(const PmfChoice& pmf, const catalog::Problem& problem, catalog::Me
   if (const AnyPmf* given = std::get_if<AnyPmf>(&pmf)) return *given;
   try {
     return catalog::default_pmf(problem, method);
+  } catch (const NoPmfError&) {  // no mistake of who asks
+    throw;
   } catch (const std::invalid_argument& e) {
     throw BadRequest({pmf_field, std::string(" declared: ") + e.what()});
   }

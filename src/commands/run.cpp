@@ -137,8 +137,9 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   if (advice) debias::detail::follow(statistics, *advice, goal);
   if (choice.base_level < problem.lowest_base) {
     statistics.warnings.push_back(
-        "the base level lies below " + std::to_string(problem.lowest_base) +
-        ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
+        {WarningCode::base_level,
+         "the base level lies below " + std::to_string(problem.lowest_base) +
+             ", where the fourth moment of a level is infinite and the standard error is not to be trusted."});
   }
   if (request.served.asked()) statistics.goal = request.served;
   const Interval interval = statistics.interval(request.confidence);
@@ -213,29 +214,26 @@ KeptRun merged(const MergeRequest& request) {
   return whole;
 }
 
-void print(std::ostream& out, const RunReport& run) {
+void print(std::ostream& out, const RunReport& run, bool full) {
   const Statistics& s = run.statistics;
   print_line(out, "problem", title(*run.problem));
-  out << s;
+  full ? print_full(out, s) : void(out << s);
   if (run.interval.confidence != 0.95) {
     print_line(out, "interval",
                rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, 8) + ", " +
                    rounded(run.interval.high, 8) + "]");
   }
-  if (!s.largest.empty()) {
-    const LargeSample& l = s.largest.front();
-    print_line(
-        out, "largest",
-        rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " + std::to_string(l.level) + ")");
-  }
   if (!std::isnan(run.z)) {
     print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
   }
-  if (!run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
-  if (!run.advice) return;
-  out << *run.advice;
-  if (run.problem->id.empty()) return;
   const catalog::Choice& c = run.choice;
+  // What the standard error does not hold, or a sample does not have, belongs to any report.
+  const bool plain = run.verdict.finite_variance && run.verdict.finite_work && c.method != catalog::Method::truncated &&
+                     c.special.empty();
+  if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
+  if (!run.advice) return;
+  full ? print_full(out, *run.advice) : debias::detail::print_doubts(out, *run.advice, s);
+  if (!full || run.problem->id.empty()) return;
   print_line(out, "replay",
              "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
                  c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +

@@ -89,7 +89,8 @@ struct MergeRequest {
 /// The whole. Throws BadPart where the shards are not all of one run.
 KeptRun merged(const MergeRequest& request);
 
-void print(std::ostream& out, const RunReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const RunReport& report, bool full = false);
 Fields fields(const RunReport& report);
 
 }  // namespace debias::commands

@@ -25,9 +25,9 @@ SurveyReport survey(const SurveyRequest& request, const Watch& watch) {
   return {&problem, plan.samples, debias::survey(problem.levels, request.levels, plan)};
 }
 
-void print(std::ostream& out, const SurveyReport& s) {
+void print(std::ostream& out, const SurveyReport& s, bool full) {
   print_line(out, "problem", title(*s.problem));
-  out << s.survey;
+  full ? print_full(out, s.survey) : void(out << s.survey);
 }
 
 namespace {
@@ -55,12 +55,17 @@ std::vector<BelievedRow> believed_rows(const Survey& survey) {
 
 Fields fields(const SurveyReport& s) {
   const Survey& survey = s.survey;
+  std::vector<Warning> warnings;
+  for (const Warning& remark : survey.remarks) {
+    if (!is_note(remark.code)) warnings.push_back(remark);
+  }
   Fields f = describe(*s.problem);
   append(f, {{"samples", s.samples},
              {"seed", survey.seed},
              {"rates", describe(survey.rates)},
              {"pmf_exists", name_of(survey.pmf_exists)},
              {"grade", name_of(survey.grade)},
+             {"warnings", warnings},
              {"remarks", survey.remarks},
              {"believed", list_of(believed_rows(survey), [](const BelievedRow& b) {
                 return Fields{{"level", b.level}, {"log2_second_moment", b.log2_second}, {"error", b.error}};

@@ -29,7 +29,8 @@ struct SurveyReport {
 /// The levels that are complete, where `watch` ends it.
 SurveyReport survey(const SurveyRequest& request, const Watch& watch = {});
 
-void print(std::ostream& out, const SurveyReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const SurveyReport& report, bool full = false);
 Fields fields(const SurveyReport& report);
 
 }  // namespace debias::commands

@@ -235,20 +235,24 @@ std::string text_of(const Coupling& c) {
   return "WRONG at level " + std::to_string(c.level) + ", see warning";
 }
 
-std::string warning_of(const Coupling& c) {
+std::optional<Warning> warning_of(const Coupling& c) {
   if (c.state == Coupling::State::wrong) {
-    return "wrong coupling: the coarse partner of level " + std::to_string(c.level) +
-           " does not have the mean of the level below (" + figure(c.z) + " standard errors apart, by chance at most " +
-           figure(c.threshold) +
-           "), so every estimate from this sequence is biased; are fine and coarse exchanged, or do levels not start "
-           "at 0?";
+    return Warning{
+        WarningCode::coupling,
+        "wrong coupling: the coarse partner of level " + std::to_string(c.level) +
+            " does not have the mean of the level below (" + figure(c.z) +
+            " standard errors apart, by chance at most " + figure(c.threshold) +
+            "), so every estimate from this sequence is biased; are fine and coarse exchanged, or do levels not start "
+            "at 0?"};
   }
   if (c.all_equal) {
-    return "all differences are exactly zero, though numbers were drawn and deep levels vary as much as the base: "
-           "either "
-           "the base is unbiased already, or all draws of a level are one and the same (a stream that was copied).";
+    return Warning{
+        WarningCode::zero_differences,
+        "all differences are exactly zero, though numbers were drawn and deep levels vary as much as the base: "
+        "either "
+        "the base is unbiased already, or all draws of a level are one and the same (a stream that was copied)."};
   }
-  return {};
+  return std::nullopt;
 }
 
 void detail::refuse_work(std::int64_t level, double work) {

@@ -6,6 +6,7 @@
 #include <exception>
 #include <limits>
 #include <new>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -79,37 +80,42 @@ std::string percent(double share) { return std::to_string(std::lround(100 * shar
 
 void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
+  const auto warn = [&s](WarningCode code, std::string text) { s.warnings.push_back({code, std::move(text)}); };
   if (s.nonfinite > 0) {
-    s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
-                         ", sample " + std::to_string(s.first_nonfinite) + ".");
+    warn(WarningCode::nonfinite_samples,
+         std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
+             " samples are not finite, so the mean is not a number; replay the first: seed " + seed + ", sample " +
+             std::to_string(s.first_nonfinite) + ".");
     return;
   }
   if (s.samples < 2) {
-    s.warnings.emplace_back("one sample has no standard error; run at least two.");
+    warn(WarningCode::one_sample, "one sample has no standard error; run at least two.");
     return;
   }
   const auto has_mean = [](const ComponentEstimate& c) { return std::isfinite(c.mean); };
   if (!std::all_of(s.components.begin(), s.components.end(), has_mean)) {
-    s.warnings.emplace_back("the sum of these samples overflows, so the mean is not a number; scale the values.");
+    warn(WarningCode::mean_overflow,
+         "the sum of these samples overflows, so the mean is not a number; scale the values.");
     return;
   }
   if (!std::isfinite(s.total_error())) {
-    s.warnings.emplace_back("squares of these samples overflow, so there is no standard error; scale the values.");
+    warn(WarningCode::square_overflow,
+         "squares of these samples overflow, so there is no standard error; scale the values.");
     return;
   }
   const double highest = s.upper_tail.front();
   const double lowest = s.lower_tail.front();
   if (highest == lowest && (s.components.size() == 1 || s.total_error() == 0)) {
-    s.warnings.push_back("all " + std::to_string(s.samples) +
-                         " samples are equal, so the standard error says nothing: a value that comes up less than "
-                         "three times in as many would not have been seen.");
+    warn(WarningCode::equal_samples,
+         "all " + std::to_string(s.samples) +
+             " samples are equal, so the standard error says nothing: a value that comes up less than "
+             "three times in as many would not have been seen.");
     return;
   }
   constexpr double least_square = 1e-290;  // below, squares lose their digits
   if ((highest - lowest) * (highest - lowest) < least_square) {
-    s.warnings.emplace_back(
-        "squares of the deviations underflow, so the standard error is too small; scale the values.");
+    warn(WarningCode::square_underflow,
+         "squares of the deviations underflow, so the standard error is too small; scale the values.");
     return;
   }
   if (!(s.moments.m2 > 0)) return;
@@ -118,13 +124,14 @@ void add_warnings(Statistics& s) {
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
   const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
   if (s.samples >= 100 && share > 0.1) {
-    s.warnings.push_back("one sample carries " + percent(share) +
-                         " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
-                         seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
-                         std::to_string(s.largest.front().level) + ".");
+    warn(WarningCode::dominant_sample,
+         "one sample carries " + percent(share) +
+             " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " + seed +
+             ", sample " + std::to_string(s.largest.front().index) + ", level " +
+             std::to_string(s.largest.front().level) + ".");
   } else if (doubt > 0.1) {
-    s.warnings.push_back("the standard error is itself uncertain by " + percent(doubt) +
-                         " (threshold 10 %), more often too small than too large; run more samples.");
+    warn(WarningCode::uncertain_error, "the standard error is itself uncertain by " + percent(doubt) +
+                                           " (threshold 10 %), more often too small than too large; run more samples.");
   }
 }
 
@@ -346,7 +353,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     alone.threads = 1;
     Statistics statistics = run(alone, identity, chunk, body);
     statistics.fewer_threads = 1;
-    statistics.warnings.push_back(fewer_threads_text(1));
+    statistics.warnings.push_back(fewer_threads_warning(1));
     return statistics;
   }
   work.state.identity = identity;  // with its type, also where the sums came from another rank
@@ -359,15 +366,17 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   add_warnings(statistics);
   if (drawing < threads) {
     statistics.fewer_threads = static_cast<int>(drawing);
-    statistics.warnings.push_back(fewer_threads_text(statistics.fewer_threads));
+    statistics.warnings.push_back(fewer_threads_warning(statistics.fewer_threads));
   }
   return statistics;
 }
 
-std::string fewer_threads_text(int threads) {
-  return "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
-         " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
-         "longer.";
+Warning fewer_threads_warning(int threads) {
+  return {
+      WarningCode::threads,
+      "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
+          " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
+          "longer."};
 }
 
 void check_goal(const Goal& goal) {
@@ -430,16 +439,16 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
-  s.warnings.emplace_back(
-      "the standard error is below the rounding of single-precision values, which may have moved "
-      "the mean by more; compute the values in double.");
+  s.warnings.push_back({WarningCode::single_precision,
+                        "the standard error is below the rounding of single-precision values, which may have moved "
+                        "the mean by more; compute the values in double."});
 }
 
 void judge_coupling(Statistics& s, double epsilon) {
   const Accumulator sums = s.state.total();
   s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
-  const std::string warning = warning_of(s.coupling);
-  if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
+  const std::optional<Warning> warning = warning_of(s.coupling);
+  if (warning) s.warnings.insert(s.warnings.begin(), *warning);
 }
 
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,

@@ -30,6 +30,7 @@
 #include <vector>
 
 #include "catalog.hpp"
+#include "commands/describe.hpp"
 #include "commands/diagnose.hpp"
 #include "commands/list.hpp"
 #include "commands/renamed.hpp"
@@ -73,17 +74,33 @@ py::object object_of(const commands::Node& node) {
       node.value);
 }
 
-// As text, as JSON and as a dict.
+// As a brief text, as a full one, as JSON and as a dict.
 template <class R>
 py::tuple as_objects(const R& report) {
   std::ostringstream text;  // only texts
+  std::ostringstream full;  // only texts
   print(text, report);
-  return py::make_tuple(text.str(), commands::to_json(report), object_of(fields(report)));
+  if constexpr (requires { print(full, report, true); }) {
+    print(full, report, true);
+  } else {
+    print(full, report);
+  }
+  return py::make_tuple(text.str(), full.str(), commands::to_json(report), object_of(fields(report)));
 }
 
 // Says where an exception of the user's function came from, where Python can hold notes (3.11).
 void add_note(const py::error_already_set& e, const std::string& note) {
   if (py::hasattr(e.value(), "add_note")) e.value().attr("add_note")(note);
+}
+
+// As debias.NoPmfError, with what led to it.
+[[noreturn]] void raise(const NoPmfError& e) {
+  const py::object refusal = py::module_::import("debias").attr("NoPmfError")(e.what());
+  for (const commands::Entry& field : commands::describe(e)) {
+    refusal.attr(field.name.c_str()) = object_of(field.value);
+  }
+  PyErr_SetObject(py::type::of(refusal).ptr(), refusal.ptr());
+  throw py::error_already_set();
 }
 
 // Calls f; what it throws becomes what a Python user expects: the user's own exceptions as they were raised.
@@ -106,6 +123,8 @@ auto translated(const F& f) {
       throw std::runtime_error(where + ": " + inner.what());
     }
     throw;
+  } catch (const NoPmfError& e) {
+    raise(e);
   } catch (const std::logic_error& e) {
     throw py::value_error(e.what());
   }
@@ -333,9 +352,10 @@ class Diagnostician {
     }
     conclude(d);
     if (missing_ > 0) {
-      d.warnings.push_back(std::to_string(missing_) + " of " + std::to_string(count_) +
-                           " values are masked or missing, the first is value " + std::to_string(first_missing_) +
-                           ": they are left out of everything here.");
+      d.warnings.push_back({WarningCode::missing_values, std::to_string(missing_) + " of " + std::to_string(count_) +
+                                                             " values are masked or missing, the first is value " +
+                                                             std::to_string(first_missing_) +
+                                                             ": they are left out of everything here."});
     }
     return d;
   }

@@ -125,7 +125,8 @@ class Scales {
     ends();
     if (e_.end != End::none) return std::move(e_);
     if (e_.courses.empty()) {
-      e_.reasons.push_back(std::to_string(votes_.size()) + " levels are known, three are needed");
+      e_.reasons.push_back(
+          {WarningCode::few_levels, std::to_string(votes_.size()) + " levels are known, three are needed"});
       return std::move(e_);
     }
     changes();
@@ -216,9 +217,12 @@ class Scales {
     mean /= n;
     e_.decay = {mean, std::sqrt(std::max(0.0, square / n - mean * mean))};
     if (e_.contradiction) {
-      e_.reasons.push_back("declared decay " + to_text(e_.contradiction->declared) + "; " +
-                           levels_text(e_.first_vote, e_.last_vote) + " show " + short_text(e_.contradiction->shown) +
-                           " +- " + short_text(e_.contradiction->error) + ": wrong, or not there yet");
+      e_.reasons.push_back(
+          {WarningCode::declared_rates, "declared decay " + to_text(e_.contradiction->declared) + "; " +
+                                            levels_text(e_.first_vote, e_.last_vote) + " show " +
+                                            (e_.contradiction->shown > e_.contradiction->error ? "" : "no fall, ") +
+                                            short_text(e_.contradiction->shown) + " +- " +
+                                            short_text(e_.contradiction->error) + ": wrong, or not there yet"});
     }
   }
 
@@ -250,15 +254,17 @@ class Scales {
         finish(End::zeros, Answer::yes, Grade::shown);
       } else {
         finish(End::aliased, Answer::open, Grade::open);
-        e_.reasons.emplace_back(
-            "differences vanish but the value still varies: what makes it vary lies between the points of the levels");
+        e_.reasons.push_back({WarningCode::aliased_differences,
+                              "differences vanish but the value still varies: what makes it vary lies between the "
+                              "points of the levels"});
       }
       return;
     }
     const bool likely = zeros.size() >= 3;
     finish(End::zeros, likely ? Answer::yes : Answer::open, likely ? Grade::likely : Grade::open);
-    e_.reasons.push_back("zero beyond level " + std::to_string(e_.last_difference) + " in " + to_text(draws) +
-                         " draws, and the sequence does not state its end (exact_from): a pause looks the same");
+    e_.reasons.push_back({WarningCode::unstated_end,
+                          "zero beyond level " + std::to_string(e_.last_difference) + " in " + to_text(draws) +
+                              " draws, and the sequence does not state its end (exact_from): a pause looks the same"});
   }
 
   void finish(End end, Answer answer, Grade grade) {
@@ -440,13 +446,14 @@ class Scales {
     const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2 && !long_power;
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
     if (doubtful) {
-      e_.reasons.emplace_back("the largest differences of most levels look as if there were no second moment");
+      e_.reasons.push_back({WarningCode::no_second_moment,
+                            "the largest differences of most levels look as if there were no second moment"});
     } else if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
       e_.answer = Answer::yes;
       e_.grade = Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
-        e_.reasons.emplace_back("some levels may have no second moment");
+        e_.reasons.push_back({WarningCode::no_second_moment, "some levels may have no second moment"});
       }
     } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known >= 3) {
       e_.answer = Answer::yes;
@@ -459,7 +466,8 @@ class Scales {
       e_.answer = Answer::no;
       e_.grade = Grade::likely;
     } else if (e_.changes) {
-      e_.reasons.emplace_back("rarity falls, or the decay still steepens, with the level: not yet a trend");
+      e_.reasons.push_back({WarningCode::unsettled_levels,
+                            "rarity falls, or the decay still steepens, with the level: not yet a trend"});
     }
   }
 

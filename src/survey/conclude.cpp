@@ -15,6 +15,7 @@
 
 #include "core/regression.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -94,11 +95,6 @@ Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std:
 
 std::string text_of(double x) { return format("%.3g", x); }
 
-std::string levels_text(std::int64_t first, std::int64_t last) {
-  return first == last ? "level " + std::to_string(first)
-                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
-}
-
 class Conclusion {
  public:
   Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
@@ -118,7 +114,7 @@ class Conclusion {
     }
     consistency();
     if (!zeros()) rates();
-    for (const std::string& reason : survey_.evidence.reasons) remark(reason);
+    survey_.remarks.insert(survey_.remarks.end(), survey_.evidence.reasons.begin(), survey_.evidence.reasons.end());
     slow_draws();
     return std::move(survey_);
   }
@@ -165,14 +161,15 @@ class Conclusion {
           std::max(last.difference_work, last.value_work) / std::max(row.difference_work, row.value_work);
       const double time = last.seconds / std::max(row.seconds, 1e-8);
       if (!(time > factor * work)) continue;
-      remark("a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
-             " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
-             " times its work: state the work of a draw (the last argument of base and coupled)");
+      remark(WarningCode::unexplained_time,
+             "a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
+                 " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
+                 " times its work: state the work of a draw (the last argument of base and coupled)");
       return;
     }
   }
 
-  void remark(const std::string& text) { survey_.remarks.push_back(text); }
+  void remark(WarningCode code, const std::string& text) { survey_.remarks.push_back({code, text}); }
 
   void consistency() {
     auto& rows = survey_.rows;
@@ -193,9 +190,11 @@ class Conclusion {
       where = row.level;
     }
     if (worst <= 4.5) return;  // NaN does not pass
-    remark("E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
-           "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-           "from it is biased");
+    remark(WarningCode::coupling,
+           "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) +
+               (std::isnan(worst) ? " (some value is no number" : " (z = " + text_of(worst)) +
+               "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
+               "from it is biased");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
@@ -208,7 +207,8 @@ class Conclusion {
     survey_.rates.kind = RateKind::exact_zero;
     faster_than_any();
     work_rate(Decay::geometric);
-    remark("the differences are zero from level " + std::to_string(e.last_difference + 1) + " on");
+    remark(WarningCode::exact_end,
+           "the differences are zero from level " + std::to_string(e.last_difference + 1) + " on");
     return true;
   }
 
@@ -262,21 +262,23 @@ class Conclusion {
     if (super_exponential(fits)) {
       r.kind = RateKind::super_exponential;
       faster_than_any();
-      remark("the differences fall ever faster, beyond any power");
+      remark(WarningCode::fast_decay, "the differences fall ever faster, beyond any power");
       return;
     }
     if (!fits.geometric && !fits.polynomial) fits = fits_above(rounding_size);
     const std::vector<std::size_t>& usable = fits.usable;
     std::optional<RateFit>& g = fits.geometric;
     const std::optional<RateFit>& p = fits.polynomial;
-    if (drowned_ > 0) remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
+    if (drowned_ > 0)
+      remark(WarningCode::rounding, "rounding drowns the differences from level " + std::to_string(drowned_) + " on");
     if (!g && !p) g = scattered(usable);
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
       r.mean_decay = r.variance_decay = r.fourth_decay = {nan, 0};
-      remark("cannot tell the rates yet: " + std::to_string(usable.size()) +
-             " levels with enough draws for their kurtosis, no " + std::to_string(fewest_levels) +
-             " of them on a line; survey more levels, or more draws");
+      remark(WarningCode::rates_unknown,
+             "cannot tell the rates yet: " + std::to_string(usable.size()) +
+                 (usable.size() == 1 ? " level" : " levels") + " with enough draws for their kurtosis, no " +
+                 std::to_string(fewest_levels) + " of them on a line; survey more levels, or more draws");
       return;
     }
     // A power of the level only where a power of 2 explains clearly less: few levels look like either.
@@ -318,7 +320,8 @@ class Conclusion {
     const std::span y(points.y);
     const Line line = fit_line(x.subspan(first), y.subspan(first), equal);
     const double scatter = std::sqrt(line.chi_square / line.degrees);
-    remark("the second moments scatter around their decay by " + text_of(scatter) + " octaves");
+    remark(WarningCode::scattered_moments,
+           "the second moments scatter around their decay by " + text_of(scatter) + " octaves");
     return RateFit{line, first, equal.size(), line.slope_error * scatter};
   }
 
@@ -374,7 +377,8 @@ class Conclusion {
       if (first < 0) first = rows[i].level;
       last = rows[i].level;
     }
-    if (first >= 0) remark(levels_text(first, last) + " not yet asymptotic: left out of the fit");
+    if (first >= 0)
+      remark(WarningCode::shallow_levels, levels_words(first, last) + " not yet asymptotic: left out of the fit");
     first = -1;
     for (std::size_t i = first_fitted; i < rows.size(); ++i) {
       if (rows[i].votes || rows[i].second_moment == 0) continue;
@@ -382,7 +386,8 @@ class Conclusion {
       last = rows[i].level;
     }
     if (first >= 0) {
-      remark(levels_text(first, last) + " with fewer draws than 10 times their kurtosis: no vote in the fit");
+      remark(WarningCode::few_draws,
+             levels_words(first, last) + " with fewer draws than 10 times their kurtosis: no vote in the fit");
     }
   }
 

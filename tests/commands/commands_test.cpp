@@ -1,15 +1,18 @@
 // Commands without a door: requests made here, reports read here.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 
 #include "catch_shim.hpp"
 #include "commands/advise.hpp"
+#include "commands/describe.hpp"
 #include "commands/multilevel.hpp"
 #include "commands/replay.hpp"
 #include "commands/run.hpp"
@@ -173,6 +176,60 @@ TEST_CASE("JSON has null for what is not finite, and the digits of every double"
                     {"list", List{true, nullptr, 5.0}}};
   CHECK(json_line(f) ==
         "{\"x\":null,\"y\":0.1,\"n\":18446744073709551615,\"text\":\"\xef\xbf\xbd\",\"list\":[true,null,5.0]}");
+}
+
+TEST_CASE("the full text of a report holds more than the brief one, and JSON does not depend on it",
+          "[commands][exact]") {
+  const auto lines = [](const auto& report, bool full) {
+    std::ostringstream text;
+    print(text, report, full);
+    const std::string all = text.str();
+    return std::count(all.begin(), all.end(), '\n');
+  };
+  const auto longer = [&](const auto& report) { return lines(report, true) > lines(report, false); };
+  const RunReport by_recipe =
+      run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}});
+  CHECK(lines(by_recipe, false) <= 8 + std::ssize(by_recipe.statistics.warnings));
+  CHECK(longer(by_recipe));
+  CHECK(longer(run({.problem = &problem(), .sampling = {.samples = 1000}})));
+  CHECK(longer(survey({.problem = &problem(), .levels = 4, .samples = 100})));
+  CHECK(longer(advise({.problem = &problem(), .sampling = {.samples = 1000}})));
+  CHECK(longer(multilevel({.problem = &problem(), .error = 0.1})));
+  for (const char* key : {"\"evidence\"", "\"levels\"", "\"upper_tail\"", "\"reasons\"", "\"largest\"", "\"recipe\""}) {
+    CHECK(to_json(by_recipe).find(key) != std::string::npos);
+  }
+}
+
+TEST_CASE("a warning in JSON has a code and a text", "[commands][exact]") {
+  CHECK(json_line(std::vector<Warning>{{WarningCode::coupling, "wrong."}, {WarningCode::few_draws, "few."}}) ==
+        R"([{"code":"coupling","text":"wrong."},{"code":"few_draws","text":"few."}])");
+  const RunReport one = run({.problem = &problem(), .sampling = {.samples = 1}});
+  CHECK(to_json(one).find(R"("code": "one_sample")") != std::string::npos);
+}
+
+TEST_CASE("no PMF is another refusal than a request that cannot be done", "[commands][exact]") {
+  const auto refused = [](const RunRequest& request) -> std::optional<NoPmfError> {
+    try {
+      run(request);
+    } catch (const NoPmfError& e) {
+      return e;
+    } catch (const std::invalid_argument&) {
+    }
+    return std::nullopt;
+  };
+  for (const char* id : {"E06", "C12"}) {
+    const catalog::Problem& none = catalog::find(id);
+    const std::optional<NoPmfError> declared = refused({.problem = &none, .sampling = {.samples = 100}});
+    REQUIRE(declared);
+    CHECK(declared->grade() == NoPmfError::Grade::declared);
+    CHECK(declared->variance_decay().value == none.rates.variance_decay);
+    CHECK(json_line(describe(*declared)).find(R"("variance_decay_error":null)") != std::string::npos);
+  }
+  RunRequest typo{.problem = &problem(), .sampling = {.samples = 100}};
+  typo.shape.block = 4;
+  typo.shape.estimator = commands::Estimator{catalog::Method::independent_sum};
+  CHECK_FALSE(refused(typo));
+  CHECK_THROWS_AS(run(typo), BadRequest);
 }
 
 TEST_CASE("each report has a text and fields", "[commands][exact]") {

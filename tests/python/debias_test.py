@@ -108,6 +108,7 @@ class SameBits(unittest.TestCase):
                     return [line for line in text.splitlines() if not line.startswith(times)]
 
                 self.assertEqual(steady(str(result)), steady(program("run", name, *words)))
+                self.assertEqual(steady(result.full()), steady(program("run", name, *words, "--full")))
 
     def test_other_commands(self):
         self.same_json(debias.survey("A10", levels=6, samples=2000).to_dict(),
@@ -201,6 +202,80 @@ class Results(unittest.TestCase):
                 debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
             debias.estimate("A10", samples=1e5)
 
+    def test_warnings_have_codes(self):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            result = debias.estimate("A10", samples=1)
+        self.assertEqual([w.code for w in result.warnings], ["one_sample"])
+        self.assertIn("no standard error", str(result.warnings[0]))
+        self.assertEqual(str(result.warnings[0]), result.warnings[0].text)
+        self.assertEqual(result.to_dict()["warnings"], [{"code": "one_sample", "text": result.warnings[0].text}])
+        self.assertEqual([w.message for w in caught], result.warnings)
+        self.assertEqual(pickle.loads(pickle.dumps(result.warnings)), result.warnings)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
+        self.assertIn("infinite_variance", [w.message.code for w in caught])
+        self.assertEqual([w.code for w in debias.diagnose([1.0]).warnings], ["one_sample"])
+        self.assertEqual(debias.diagnose([1.0, 2.0, 4.0]).warnings, [])
+        survey = debias.survey("A10", levels=8, samples=1000)
+        self.assertEqual([r.text for r in survey.remarks], [r["text"] for r in survey["remarks"]])
+        self.assertTrue(all(r.code for r in survey.remarks))
+
+    def test_no_pmf_is_no_typing_error(self):
+        for options, grade in ({}, "declared"), ({"pmf": "auto"}, None):
+            with self.assertRaisesRegex(debias.NoPmfError, "no PMF has") as caught:
+                debias.estimate("gbm-by-euler", **options)
+            e = caught.exception
+            self.assertIsInstance(e, ValueError)
+            self.assertIn(e.grade, [grade] if grade else ["shown", "likely"])
+            self.assertEqual(e.variance_decay_error is None, grade == "declared")
+            self.assertAlmostEqual(e.variance_decay, 1, delta=0.3)
+            self.assertAlmostEqual(e.work_growth, 1, delta=0.05)
+            self.assertEqual(e.decay, "geometric")
+            self.assertIn("E D_k^2 falls like 2^(-", e.reason)
+            self.assertIn("coupling", e.help)
+            again = pickle.loads(pickle.dumps(e))
+            self.assertEqual((str(again), again.reason, again.grade), (str(e), e.reason, e.grade))
+        with self.assertRaises(debias.NoPmfError) as caught:
+            debias.samples("black-scholes-gamma", 10)
+        self.assertIn("E D_k^2 grows like 2^(1 k)", caught.exception.reason)
+        for options in {"pmf": "geometrc:r=0.5"}, {"samples": -1}, {"base_level": "x"}:
+            with self.assertRaises(ValueError) as caught:
+                debias.estimate("gbm-by-euler", **options)
+            self.assertNotIsInstance(caught.exception, debias.NoPmfError)
+
+    def test_reports_are_brief_unless_full(self):
+        reports = [debias.estimate("A10", samples=20000), debias.estimate("A10", samples=20000, pmf="auto"),
+                   debias.estimate("A10", estimator="multilevel", error=0.05), debias.recipe("A10", samples=20000),
+                   debias.survey("A10", levels=6, samples=1000), debias.diagnose(np.arange(1, 2000) ** 0.5)]
+        for report in reports:
+            self.assertGreater(len(report.full().splitlines()), len(str(report).splitlines()))
+        brief = str(reports[0])
+        self.assertLessEqual(len(brief.splitlines()), 8)
+        self.assertEqual(len(re.findall("(?m)^verdict ", brief)), 1)
+        for word in "efficiency", "coupling", "upper tail", "largest":
+            self.assertNotIn(word, brief)
+            self.assertIn(word, reports[0].full())
+        replay = debias.replay("A10", 7, seed=3)
+        self.assertEqual(replay.full(), str(replay))
+
+    def test_long_arrays_show_their_ends(self):
+        def wide(n):
+            return debias.levels(lambda k, u: u[:, :1] * np.arange(1, n + 1) if k == 0 else
+                                 (u[:, :1] * np.arange(1, n + 1),) * 2, dimension=1, components=n, rates=(2, 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", debias.DebiasWarning)
+            short, long = (debias.estimate(wide(n), samples=1000, pmf=PMF) for n in (16, 40))
+        self.assertNotIn("...", repr(short))
+        self.assertNotIn("left out", str(short))
+        self.assertIn("(40 components)", repr(long))
+        self.assertLess(len(repr(long)), 400)
+        self.assertIn("(40 components)", repr(long.confidence_interval))
+        self.assertNotIn("...", repr(short.confidence_interval))
+        self.assertIn("... 34 of 40 components are left out ...", str(long))
+        self.assertEqual(len(long.to_dict()["components"]), 40)
+
     def test_diagnose_takes_any_array(self):
         values = debias.samples("A10", 4000)
         expected = debias.diagnose(values)["mean"]
@@ -229,9 +304,10 @@ class Results(unittest.TestCase):
             result = debias.diagnose(masked)
             self.assertEqual(result["values"], kept.size)
             self.assertAlmostEqual(result.mean, kept.mean(), delta=1e-15)
-            self.assertEqual(result.warnings[-1], f"{mask.sum()} of 2000 values are masked or missing, the first is "
+            self.assertEqual(result.warnings[-1].text, f"{mask.sum()} of 2000 values are masked or missing, the first is "
                              f"value {np.argmax(mask) + 1}: they are left out of everything here.")
-            self.assertIn(result.warnings[-1], str(result))
+            self.assertEqual(result.warnings[-1].code, "missing_values")
+            self.assertIn(str(result.warnings[-1]), str(result))
             np.testing.assert_array_equal(data.ravel()[result.largest["index"]], result.largest["value"])
         strided = np.ma.array(np.arange(12.0), mask=[i % 4 == 0 for i in range(12)])[::2]
         self.assertEqual(debias.diagnose(strided).mean, (2 + 6 + 10) / 3)

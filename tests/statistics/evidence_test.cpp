@@ -110,7 +110,8 @@ TEST_CASE("no is not said before the budget is spent, and three levels decide no
   const Evidence two = weigh(t.facts());
   CHECK(two.answer == Answer::open);
   REQUIRE(two.reasons.size() == 1);
-  CHECK(two.reasons[0].find("2 levels") != std::string::npos);
+  CHECK(two.reasons[0].code == WarningCode::few_levels);
+  CHECK(two.reasons[0].text.find("2 levels") != std::string::npos);
   CHECK(weigh({}).answer == Answer::open);
 }
 
@@ -249,7 +250,7 @@ TEST_CASE("declared rates sharpen an answer and are dropped where the levels con
   REQUIRE(wrong.contradiction);
   CHECK(wrong.answer == Answer::open);
   CHECK(std::any_of(wrong.reasons.begin(), wrong.reasons.end(),
-                    [](const std::string& r) { return r.find("declared decay 2") != std::string::npos; }));
+                    [](const Warning& w) { return w.code == WarningCode::declared_rates; }));
 }
 
 TEST_CASE("a hump, whose rarity still falls, is open and not a no", "[evidence][exact]") {

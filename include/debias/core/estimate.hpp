@@ -44,7 +44,7 @@ void check_plan(const Plan& plan);
 /// Checks the plan; on several ranks all of them throw where one does, lest the others wait for it.
 void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
-std::string fewer_threads_text(int threads);
+Warning fewer_threads_warning(int threads);
 void check_goal(const Goal& goal);
 
 /// Samples of a chunk.

@@ -10,7 +10,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <iosfwd>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -22,8 +21,10 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/coupling.hpp>
+#include <debias/core/report.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/verdict.hpp>
+#include <debias/core/warning.hpp>
 
 namespace debias {
 
@@ -201,7 +202,7 @@ struct Statistics {
   std::int64_t first_nonfinite = -1;
   BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
   Coupling coupling;     ///< of the levels, where their draws have values
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
   int fewer_threads = 0;     ///< that drew, where as many as asked for could not be had; else 0
   Goal goal;                 ///< that was asked for
   double pilot_work = 0;     ///< of `work`, what a pilot took that chose the estimator or its samples
@@ -229,12 +230,6 @@ struct Statistics {
   /// Of the samples alone, without the pilot.
   [[nodiscard]] double work_per_sample() const { return (work - pilot_work) / static_cast<double>(samples); }
 };
-
-std::ostream& operator<<(std::ostream& out, const Statistics& statistics);
-
-/// The mean with two digits of its standard error, which count in its last two digits: 0.75003(12), 1230(140).
-/// An error that straddles the decimal point shows it: 123.4(1.2).
-std::string with_error(double mean, double standard_error);
 
 /// The answer of `estimate`.
 template <Value V>

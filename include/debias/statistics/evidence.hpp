@@ -25,10 +25,10 @@
 #include <limits>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include <debias/core/rates.hpp>
+#include <debias/core/warning.hpp>
 
 namespace debias {
 
@@ -145,7 +145,7 @@ struct Evidence {
   FittedRate work;       ///< gamma, in the unit of `exponential_work`
   bool changes = false;  ///< rarity that falls, a decay that steepens, ...: no trend to speak of a no
   std::optional<Contradiction> contradiction;  ///< of the declared rates
-  std::vector<std::string> reasons;            ///< in words, for the long report
+  std::vector<Warning> reasons;                ///< for the long report
 };
 
 /// Weighs the facts of levels. `budget_spent`: nothing more can be drawn, so that a no may be said.

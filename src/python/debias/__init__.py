@@ -34,9 +34,9 @@ __version__: str = _debias.version
 stream_version: int = _debias.stream_version
 
 __all__ = [
-    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "Samples", "advise", "diagnose", "estimate", "estimators", "function_of_integral",
-    "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
+    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
+    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "diagnose", "estimate", "estimators",
+    "function_of_integral", "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
     "stream_version", "survey", "tradeoff",
 ]
 
@@ -46,8 +46,45 @@ Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
+class NoPmfError(ValueError):
+    """No PMF has finite variance and finite work: no mistake of the caller, but a property of the sequence.
+
+    variance_decay, work_growth  of E D_k^2 and of the work: powers of 2, or of the level, as `decay` says ("geometric",
+                                 "polynomial"); None where they are not known
+    variance_decay_error, work_growth_error   where they were measured, else None
+    grade         "declared", or what the levels show: "shown" (wrong once in 200), "likely" (once in 10)
+    reason, help  why there is none, and what would help
+    """
+
+    variance_decay: Optional[float] = None
+    variance_decay_error: Optional[float] = None
+    work_growth: Optional[float] = None
+    work_growth_error: Optional[float] = None
+    decay: str = "geometric"
+    grade: str = "declared"
+    reason: str = ""
+    help: str = ""
+
+
 class DebiasWarning(UserWarning):
-    """A doubt that a result has about itself."""
+    """A doubt that a result has about itself: `code` is its name ("coupling", "threads", ...), `text` the sentence."""
+
+    def __init__(self, text: str = "", code: str = ""):
+        super().__init__(text)
+        self.code = code
+
+    @property
+    def text(self) -> str:
+        return str(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DebiasWarning) and (self.code, self.text) == (other.code, other.text)
+
+    def __hash__(self) -> int:
+        return hash((self.code, self.text))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.text!r}, code={self.code!r})"
 
 
 class InfiniteVarianceWarning(DebiasWarning):
@@ -66,20 +103,29 @@ class Interval(NamedTuple):
     low: Any
     high: Any
 
+    def __repr__(self) -> str:
+        return f"Interval(low={_ends(self.low)}, high={_ends(self.high)})"
+
 
 # ---- reports
 
 
 class Report:
-    """What a command has to say: `print` shows the program's text, `to_dict` and `to_json` its JSON."""
+    """What a command has to say: `print` shows the program's text, brief where it could be long, `full` all of it;
+    `to_dict` and `to_json` have its JSON."""
 
-    def __init__(self, text: str, json_text: str, data: dict):
+    def __init__(self, text: str, full_text: str, json_text: str, data: dict):
         self._text = text
+        self._full = full_text
         self._json = json_text
         self._data = data
 
     def __str__(self) -> str:
         return self._text.rstrip("\n")
+
+    def full(self) -> str:
+        """The whole text, as `--full` of the program: levels, tails, largest values, reasons."""
+        return self._full.rstrip("\n")
 
     def __repr__(self) -> str:
         return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
@@ -93,7 +139,7 @@ class Report:
         return type(self) is type(other) and self.__reduce__() == other.__reduce__()
 
     def __reduce__(self):
-        return type(self), (self._text, self._json, self._data)
+        return type(self), (self._text, self._full, self._json, self._data)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -115,6 +161,16 @@ class Report:
         return _table(self._data["levels"])
 
     @property
+    def warnings(self) -> list:
+        """Doubts, each with a `code` and a `text`."""
+        return _doubts(self._data.get("warnings") or [])
+
+    @property
+    def remarks(self) -> list:
+        """What else the levels show, of a survey or a recipe: likewise."""
+        return _doubts(self._data.get("remarks") or [])
+
+    @property
     def seed(self) -> int:
         """Of all random numbers, also where it was taken fresh: the same one gives the same bits."""
         if "seed" not in self._data:
@@ -126,7 +182,8 @@ class Result(Report):
     """An estimate and its doubt."""
 
     def __repr__(self) -> str:
-        return f"<debias.Result: {self._data['problem']}, mean {self.mean}, standard error {self.standard_error}>"
+        return (f"<debias.Result: {self._data['problem']}, mean {_ends(self.mean)}, standard error "
+                f"{_ends(self.standard_error)}>")
 
     def _components(self, name: str, of_one: Any) -> Any:
         if "components" not in self._data:
@@ -201,10 +258,6 @@ class Result(Report):
         """The largest samples by magnitude: index (for `replay`), level, value."""
         return _table(self._known("largest"))
 
-    @property
-    def warnings(self) -> list:
-        return list(self._data.get("warnings", []))
-
 
 class Diagnosis(Report):
     """What numbers alone say of their mean and of its error."""
@@ -242,10 +295,6 @@ class Diagnosis(Report):
         """Mean and standard error after 2, 4, 8, ... values."""
         return _table(self._data["running"])
 
-    @property
-    def warnings(self) -> list:
-        return list(self._data["warnings"])
-
 
 class Samples(np.ndarray):
     """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array."""
@@ -266,6 +315,18 @@ class Samples(np.ndarray):
     def __setstate__(self, state: Any) -> None:
         super().__setstate__(state[0])
         self.seed = state[1]
+
+
+def _doubts(rows: Sequence[dict]) -> list:
+    return [DebiasWarning(row["text"], row["code"]) for row in rows]
+
+
+def _ends(x: Any) -> str:
+    """A number, or an array: of more than 16 components the first and last three, and how many there are."""
+    if not isinstance(x, np.ndarray):
+        return str(x)
+    text = np.array2string(x, threshold=16, edgeitems=3)
+    return f"{text} ({x.size} components)" if x.size > 16 else text
 
 
 def _number(x: Any) -> float:
@@ -405,15 +466,16 @@ def _warn(result: Result) -> None:
     data = result._data
     doubts = []
     if data.get("nonfinite"):
-        doubts.append((NonFiniteWarning, data["warnings"][0]))
+        nonfinite = next(w for w in data["warnings"] if w["code"] == "nonfinite_samples")
+        doubts.append((NonFiniteWarning, nonfinite))
     elif result.verdict == "infinite":
-        doubts.append((InfiniteVarianceWarning, data["evidence"]["sentences"][0]))
+        doubts.append((InfiniteVarianceWarning, {"code": "infinite_variance", "text": data["evidence"]["sentences"][0]}))
     if isinstance(data["goal"], dict) and not data["goal"]["met"]:
-        doubts.append((GoalMissedWarning, "the goal is missed"))
-    said = {text for _, text in doubts}
-    doubts += [(DebiasWarning, text) for text in data.get("warnings", []) if text not in said]
-    for category, text in doubts:
-        warnings.warn(text, category, stacklevel=4)
+        doubts.append((GoalMissedWarning, {"code": "goal_missed", "text": "the goal is missed"}))
+    said = {doubt["code"] for _, doubt in doubts}
+    doubts += [(DebiasWarning, doubt) for doubt in data.get("warnings", []) if doubt["code"] not in said]
+    for category, doubt in doubts:
+        warnings.warn(category(doubt["text"], doubt["code"]), stacklevel=4)
 
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
@@ -658,7 +720,7 @@ def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs
     if not finite.all():
         row = int(np.argmin(finite.reshape(shape[0], -1).all(axis=1)))
         shown = np.array2string(inputs[row], threshold=8, precision=17)
-        raise ValueError(f"{function}: returned {array[row]}{where} (must be finite) for the row {shown}")
+        raise ValueError(f"{function}: returned {_ends(np.asarray(array[row]))}{where} (must be finite) for the row {shown}")
     return array
 
 

@@ -5,7 +5,7 @@ import numpy as np
 version: str
 stream_version: int
 
-Report = Tuple[str, str, dict]
+Report = Tuple[str, str, str, dict]
 
 class UserProblem:
     @property
