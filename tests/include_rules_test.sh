@@ -18,7 +18,7 @@ may_include() {
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
     function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;
     taylor | taylor/*) echo "$no_runner|taylor/(terms|sum)" ;;
-    functions) echo "$no_runner|power_series" ;;
+    functions | functions/*) echo "$no_runner|functions/.*" ;;
     derivative/*) echo "$no_runner|derivative" ;;
     linear_operators) echo "$no_runner|series" ;;
     sde | sde/*) echo "$no_runner|sde|sde/summaries" ;;
@@ -33,7 +33,7 @@ may_include() {
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
     recipe | recipe/*) echo 'recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
-    debias) echo '(core|pmf|estimators|derivative)/.*|[a-z_]*' ;;
+    debias) echo '(core|pmf|estimators|derivative|recipe)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;
     render/*) echo '(core|estimators|render)/.*|diagnostics|photon|transmittance' ;;

@@ -33,7 +33,7 @@
 #include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/vector_math.hpp>
-#include <debias/power_series.hpp>
+#include <debias/functions/power_series.hpp>
 
 namespace debias::functions {
 
