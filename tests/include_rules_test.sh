@@ -13,7 +13,7 @@ may_include() {
     core/verdict) echo 'core/.*|statistics/evidence' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
-    pmf/any | pmf/reach) echo 'core/.*|pmf/.*' ;;
+    pmf/any) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
     function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/points" ;;
