@@ -104,10 +104,10 @@ Fields describe(const Coupling& c) {
 
 Fields describe(const MeasuredRates& r) {
   return {{"kind", name_of(r.kind)},
-          {"mean", describe(r.mean)},
-          {"variance", describe(r.variance)},
-          {"fourth", describe(r.fourth)},
-          {"work", describe(r.work)}};
+          {"mean", describe(r.mean_decay)},
+          {"variance", describe(r.variance_decay)},
+          {"fourth", describe(r.fourth_decay)},
+          {"work", describe(r.work_growth)}};
 }
 
 Fields describe(const Advice& a) {
