@@ -22,8 +22,8 @@
 
 using namespace debias;
 using debias::laws::estimator_laws;
-using ::pmfs::Failures;
-using ::pmfs::sequence_laws;
+using ::laws::Failures;
+using ::laws::sequence_laws;
 
 namespace {
 

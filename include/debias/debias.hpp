@@ -33,13 +33,12 @@
 #include <debias/photon.hpp>
 #include <debias/pmf/any.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
-#include <debias/pmf/fitted.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/pmf/tabulated.hpp>
 #include <debias/pmf/zeta.hpp>
-#include <debias/power_series.hpp>
 #include <debias/recipe.hpp>
+#include <debias/recipe/optimal_pmf.hpp>
 #include <debias/reciprocal.hpp>
 #include <debias/sde.hpp>
 #include <debias/series.hpp>

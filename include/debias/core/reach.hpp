@@ -115,6 +115,13 @@ namespace detail {
 double chance_beyond(double beyond, double members);
 /// The largest P(a member is too deep) that so many members may have.
 double allowed_beyond(double members);
+/// A PMF of the same kind that falls just fast enough: its exponent, to two digits, and its spec; or none. The room of the
+/// PMFs has it (src/pmf/any.cpp), since core knows none of them.
+struct Steeper {
+  double exponent = 0;
+  std::string pmf;
+};
+Steeper steeper_pmf(const Reach& reach, double allowed);
 /// Throws UndrawableError where a run of so many samples is too likely to die.
 void require_reach(const Reach& reach, std::int64_t samples);
 

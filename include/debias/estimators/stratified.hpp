@@ -82,27 +82,7 @@ class Stratified {
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    switch (strata_) {
-      case Strata::systematic: {
-        Stream pmf_stream = split(rng, Branch::pmf);
-        const double shift = pmf_stream.uniform();
-        return block_of(rng, record, [&](std::int64_t j) { return estimator_.level_at(at(j, shift)); });
-      }
-      case Strata::uniform:
-        return block_of(rng, record, [&](std::int64_t j) {
-          Stream pmf_stream = split(member(rng, j), Branch::pmf);
-          return estimator_.level_at(at(j, pmf_stream.uniform()));
-        });
-      case Strata::residual:
-        break;
-    }
-    return block_of(rng, record, [&, row = std::size_t{0}, used = std::int64_t{0}](std::int64_t j) mutable {
-      for (; row < copies_.size(); ++row, used = 0) {
-        if (used++ < copies_[row].count) return copies_[row].level;
-      }
-      Stream pmf_stream = split(member(rng, j), Branch::pmf);
-      return residual_level(pmf_stream.uniform());
-    });
+    return block_of(rng, record);
   }
 
   /// What the difference of a level is divided by, in the sample of a member.
@@ -144,9 +124,39 @@ class Stratified {
     return (static_cast<double>(j) + shift) / static_cast<double>(block_);
   }
 
-  /// `level_of` is asked for every member once, in order.
-  template <Record R, class LevelOf>
-  Sample<value_type> block_of(const Stream& rng, R& record, LevelOf&& level_of) const {
+  /// The levels of the members of one block, each asked for once, in order. One type for all strata: the loops over a block
+  /// are compiled once.
+  class LevelsOfBlock {
+   public:
+    LevelsOfBlock(const Stratified& strata, const Stream& rng) : all_(strata), rng_(rng) {
+      if (all_.strata_ == Strata::systematic) shift_ = split(rng, Branch::pmf).uniform();
+    }
+    std::int64_t operator()(std::int64_t j) {
+      if (all_.strata_ == Strata::systematic) return all_.estimator_.level_at(all_.at(j, shift_));
+      return one_by_one(j);
+    }
+
+   private:
+    [[gnu::noinline]] std::int64_t one_by_one(std::int64_t j) {
+      if (all_.strata_ == Strata::residual) {
+        for (; row_ < all_.copies_.size(); ++row_, used_ = 0) {
+          if (used_++ < all_.copies_[row_].count) return all_.copies_[row_].level;
+        }
+      }
+      const double u = split(member(rng_, j), Branch::pmf).uniform();
+      return all_.strata_ == Strata::residual ? all_.residual_level(u) : all_.estimator_.level_at(all_.at(j, u));
+    }
+
+    const Stratified& all_;
+    const Stream& rng_;
+    double shift_ = 0;     // systematic
+    std::size_t row_ = 0;  // residual: the copies that come next
+    std::int64_t used_ = 0;
+  };
+
+  template <Record R>
+  Sample<value_type> block_of(const Stream& rng, R& record) const {
+    LevelsOfBlock level_of(*this, rng);
     std::int64_t level = level_of(0);
     if constexpr (detail::DrawsMembers<E, R>) {
       Sample<value_type> sample{0, 0, level};
