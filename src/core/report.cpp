@@ -170,8 +170,7 @@ class Printer {
     };
     row({"level", "draws", "E D", "E D^2", "kurtosis", "work", "p", ""});
     for (const LevelRow& r : s_.levels) {
-      const double kurtosis = r.second_moment > 0 ? r.fourth_moment / (r.second_moment * r.second_moment)
-                                                  : std::numeric_limits<double>::quiet_NaN();
+      const double kurtosis = r.second_moment > 0 ? r.kurtosis : std::numeric_limits<double>::quiet_NaN();
       row({std::to_string(r.level) + (r.last_level > r.level ? " - " + std::to_string(r.last_level) : ""),
            std::to_string(r.count), number("%.4g", r.mean), number("%.4g", r.second_moment), number("%.3g", kurtosis),
            number("%.4g", r.work), r.probability > 0 ? format("%.3g", r.probability) : "-", r.is_base ? "base" : ""});
