@@ -10,7 +10,7 @@
 #include <ostream>
 #include <stdexcept>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 #include "survey/pilot.hpp"
 

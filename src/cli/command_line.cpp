@@ -13,7 +13,7 @@
 #include <debias/core/estimate.hpp>
 
 #include "commands/text.hpp"
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 #include "manual.hpp"
 
@@ -124,8 +124,8 @@ int report_sample(const SampleError& error) {
 }
 
 // Ranks share the samples of this request, and its seed, which each may have drawn for itself.
-void share(Request& request, debias::detail::Ranks* ranks) {
-  const auto one_seed = [ranks](std::uint64_t& seed) {
+void share(Request& request, const Ranks& ranks) {
+  const auto one_seed = [&ranks](std::uint64_t& seed) {
     seed = debias::detail::share<std::uint64_t>(ranks, [&seed] { return seed; });
   };
   if (auto* run = std::get_if<commands::RunRequest>(&request)) {
@@ -136,7 +136,7 @@ void share(Request& request, debias::detail::Ranks* ranks) {
     one_seed(multilevel->seed);
   } else if (auto* resume = std::get_if<Resume>(&request)) {
     resume->ranks = ranks;
-  } else {
+  } else if (ranks.size() > 1) {
     throw std::invalid_argument(
         "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start it without mpirun");
   }
@@ -346,11 +346,11 @@ int execute(const Command& command) {
   return std::visit([&command](const auto& request) { return execute(request, command.delivery); }, command.request);
 }
 
-int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
+int dispatch(int argc, const char* const* argv, const Ranks& ranks) {
   const auto typed = read_command_line(argc, argv);
   if (!typed) return done;
   Command command{read_request(typed->command, typed->words), typed->delivery};
-  if (ranks != nullptr) share(command.request, ranks);
+  share(command.request, ranks);
   return execute(command);
 }
 

@@ -84,7 +84,7 @@ struct Sampling {
   Goal goal = {};
   std::uint64_t seed = 1;
   int threads = 0;                         ///< 0: as many as the machine has
-  debias::detail::Ranks* ranks = nullptr;  ///< processes that share the samples
+  Ranks ranks = {};    ///< processes that share the samples
 
   static constexpr std::int64_t usual = 1'000'000;
 };

@@ -5,7 +5,6 @@
 #include <ostream>
 #include <string_view>
 
-#include "core/checkpoint.hpp"
 #include "describe.hpp"
 #include "store.hpp"
 #include "text.hpp"

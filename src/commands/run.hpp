@@ -75,7 +75,7 @@ struct ResumeRequest {
   std::optional<std::int64_t> samples = {};  ///< in all, those that are kept included
   Goal goal = {};
   int threads = 0;
-  debias::detail::Ranks* ranks = nullptr;
+  Ranks ranks = {};
 };
 /// The request that `run` goes on with, from what is kept. Throws BadRequest.
 std::pair<RunRequest, Earlier> extended(const ResumeRequest& request);

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 
 namespace debias {
@@ -133,22 +133,7 @@ void add_warnings(Statistics& s) {
 namespace detail {
 
 void check_on_all(const Plan& plan, const PlanCheck& check) {
-  if (plan.ranks == nullptr) return check(plan);
-  plan.ranks->agree("plan", [&] { check(plan); });
-}
-
-void check_plan(const Plan& plan) {
-  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
-  if (plan.samples < 1) {
-    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
-  }
-  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
-  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
-    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
-  }
-  if (plan.threads < 0) {
-    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
-  }
+  plan.ranks.communicator().agree("plan", [&] { check(plan); });
 }
 
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
@@ -174,17 +159,17 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
 
 Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body) {
   const auto start = std::chrono::steady_clock::now();
-  Ranks* const ranks = plan.ranks;
-  const bool leads = ranks == nullptr || ranks->leads();
-  Work work(chunk);
-  work.state.identity = identity;
+  Communicator& ranks = plan.ranks.communicator();
+  ChunkQueue queue(chunk);
+  queue.state.identity = identity;
+  queue.state.seed = plan.seed;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
   const auto begin = [&] {
     check_plan(plan);
     const std::int64_t end = plan.first + plan.samples;
-    RunState& state = work.state;
+    RunState& state = queue.state;
     if (plan.earlier) {
       state.merge(*plan.earlier);
       if (state.last() > end || (state.last() > 0 && state.first() < plan.first)) {
@@ -205,18 +190,13 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
                                   " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
     }
   };
-  if (ranks == nullptr) {
-    begin();
-    for (const RunState::Range& samples : missing) work.give(samples);
-    work.close();
-  } else {
-    ranks->agree(description(plan, identity, chunk), begin);
-  }
-  const double earlier_seconds = work.state.seconds;
-  work.state.pilot += plan.pilot;
-  if (!leads) {
-    work.state = RunState(chunk);
-    work.state.identity = identity;
+  ranks.agree(description(plan, identity, chunk), begin);
+  const double earlier_seconds = queue.state.seconds;
+  queue.state.pilot += plan.pilot;
+  if (!ranks.leads()) {
+    queue.state = RunState(chunk);
+    queue.state.identity = identity;
+    queue.state.seed = plan.seed;
   }
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -225,7 +205,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   // A save may not cost more than a hundredth of the run.
   double next_save = earlier_seconds + save_interval;
   const auto save = [&] {
-    RunState finished = work.finished();
+    RunState finished = queue.finished();
     // Extremes that hold the samples of a cut chunk without its sums would count them twice.
     if (known > 0 && !finished.missing({std::max(plan.first, known / chunk * chunk), known}).empty()) return;
     finished.seconds = seconds_now();
@@ -236,7 +216,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const auto tell = [&](std::int64_t drawn) {
     if (plan.save && seconds_now() >= next_save) save();
     if (!plan.progress || plan.progress(drawn)) return;
-    if (plan.save && ranks != nullptr) save();  // a rank that has died says nothing any more, and all wait for it
+    if (plan.save) save();  // at once: a rank that has died says nothing any more, and all wait for it
     throw Interrupted("estimate: interrupted by the caller");
   };
 
@@ -246,34 +226,34 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const auto draw_chunks = [&](bool tells, bool alone) {
     Recorder recorder;
     for (;;) {
-      const auto [first, last] = work.take();
+      const auto [first, last] = queue.take();
       if (first >= last) break;
       recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
       try {
         body(first, last, recorder);
         const Accumulator& sums = recorder.end_chunk();
         try {
-          work.add({first, last}, sums, recorder.extremes());
+          queue.add({first, last}, sums, recorder.extremes());
         } catch (const std::bad_alloc&) {  // half of it may be there
-          work.interrupt(std::current_exception());
+          queue.interrupt(std::current_exception());
           break;
         }
       } catch (const std::bad_alloc&) {
         if (alone) {
-          work.fail(recorder.next_index(), std::current_exception());
+          queue.fail(recorder.next_index(), std::current_exception());
         } else {
-          work.give_back({first, last});
+          queue.give_back({first, last});
           gave_up = true;
         }
         break;
       } catch (...) {
-        work.fail(recorder.next_index(), std::current_exception());
+        queue.fail(recorder.next_index(), std::current_exception());
         break;
       }
       try {
-        if (tells) tell(work.look().drawn);
+        if (tells) tell(queue.look().drawn);
       } catch (...) {
-        work.interrupt(std::current_exception());
+        queue.interrupt(std::current_exception());
       }
     }
   };
@@ -282,66 +262,65 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       draw_chunks(tells, alone);
     } catch (const std::bad_alloc&) {  // none for its sums
       gave_up = true;
-      if (alone) work.interrupt(std::current_exception());
+      if (alone) queue.interrupt(std::current_exception());
     }
-    work.end_thread();
+    queue.end_thread();
   };
 
-  const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
-  const auto threads =
-      std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : all, 1, std::clamp<std::int64_t>(chunks, 1, 1024));
-  std::int64_t drawing = ranks == nullptr ? 1 : 0;
+  const auto threads = std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : ranks.threads(), 1,
+                                                std::clamp<std::int64_t>(chunks, 1, 1024));
+  const bool retries = ranks.caller_draws() && threads > 1;  // what other threads gave back, behind them
+  const auto draw_here = [&] {
+    queue.begin_thread();
+    draw(plan.save || plan.progress, !retries);
+  };
+  const Communicator::Caller caller{static_cast<bool>(plan.save), tell, draw_here};
+  std::int64_t drawing = ranks.caller_draws() ? 1 : 0;
   {
     std::vector<std::jthread> helpers;
     for (; drawing < threads; ++drawing) {
       bool begun = false;
       try {
-        work.begin_thread();
+        queue.begin_thread();
         begun = true;
-        helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
+        helpers.emplace_back([&draw, retries] { draw(false, !retries); });
       } catch (...) {  // the machine has no more threads: those that are there do it all
-        if (begun) work.end_thread();
+        if (begun) queue.end_thread();
         if (drawing == 0) {
-          work.interrupt(std::make_exception_ptr(std::invalid_argument(
+          queue.interrupt(std::make_exception_ptr(std::invalid_argument(
               "a rank could not start the thread that draws (a limit such as ulimit, or the machine, grants no more); "
               "start fewer ranks")));
         }
         break;
       }
     }
-    if (ranks == nullptr) {
-      work.begin_thread();
-      draw(plan.save || plan.progress, threads == 1);
-    } else {  // the caller serves the others, so that neither waits for a long sample of the other
-      ranks->serve(work, missing, static_cast<bool>(plan.save), tell);
-    }
+    ranks.serve(queue, missing, caller);
   }
-  if (gave_up && ranks == nullptr && threads > 1) {  // draws what was given back
-    work.begin_thread();
+  if (gave_up && retries) {
+    queue.begin_thread();
     draw(plan.save || plan.progress, true);
   }
-  const auto conclude = [&] {
+  ranks.end(queue, [&] {
     if (plan.save) save();
-    work.state.seconds = seconds_now();
-  };
-  ranks == nullptr ? conclude() : ranks->end(work, conclude);
+    queue.state.seconds = seconds_now();
+  });
   bool short_of_memory = false;
-  if (work.failure) {
+  if (queue.failure) {
     try {
-      std::rethrow_exception(work.failure);
+      std::rethrow_exception(queue.failure);
     } catch (const Interrupted&) {
       throw;
     } catch (const std::bad_alloc&) {
-      if (work.failed_index != Work::no_index) rethrow_with_sample(plan.seed, work.failed_index);
-      if (ranks != nullptr || threads == 1) throw;
+      if (queue.failed_index != ChunkQueue::no_index) rethrow_with_sample(plan.seed, queue.failed_index);
+      if (!retries) throw;
       short_of_memory = true;
     } catch (...) {
-      if (work.failed_index == Work::no_index) throw;
-      rethrow_with_sample(plan.seed, work.failed_index);
+      if (queue.failed_index == ChunkQueue::no_index) throw;
+      rethrow_with_sample(plan.seed, queue.failed_index);
     }
   }
   if (short_of_memory) {  // the threads took it from one another: alone, one may have enough, for the same bits
-    work.state = RunState(chunk);
+    queue.state = RunState(chunk);
     Plan alone = plan;
     alone.threads = 1;
     Statistics statistics = run(alone, identity, chunk, body);
@@ -349,8 +328,8 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     statistics.warnings.push_back(fewer_threads_text(1));
     return statistics;
   }
-  work.state.identity = identity;  // with its type, also where the sums came from another rank
-  Statistics statistics = finish(plan.seed, std::move(work.state));
+  queue.state.identity = identity;  // with its type, also where the sums came from another rank
+  Statistics statistics = finish(plan.seed, std::move(queue.state));
   if (statistics.moments.count != plan.samples) {
     throw std::logic_error("estimate: " + std::to_string(statistics.moments.count) + " of " +
                            std::to_string(plan.samples) +
@@ -368,19 +347,6 @@ std::string fewer_threads_text(int threads) {
   return "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
          " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
          "longer.";
-}
-
-void check_goal(const Goal& goal) {
-  int wishes = 0;
-  for (const auto& [name, value] :
-       {std::pair("error", goal.error), {"relative_error", goal.relative_error}, {"seconds", goal.seconds}}) {
-    if (value == 0) continue;
-    ++wishes;
-    if (value > 0 && std::isfinite(value)) continue;
-    throw std::invalid_argument("Goal: " + std::string(name) + " = " + format("%f", value) +
-                                " (must be positive and finite)");
-  }
-  if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
 }
 
 namespace {
@@ -441,6 +407,17 @@ void judge_coupling(Statistics& s, double epsilon) {
   s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
   const std::string warning = warning_of(s.coupling);
   if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
+}
+
+Plan plan_from(const RunState& state, Plan plan) {
+  if (state.last() > 0) {
+    if (!state.seed) throw std::invalid_argument("extend: samples of no known seed; set `seed` of their state");
+    plan.seed = *state.seed;
+    plan.first = state.first();
+    if (plan.goal.asked()) plan.samples = state.last() - state.first();  // at least
+  }
+  plan.earlier = std::make_shared<RunState>(state);
+  return plan;
 }
 
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,

@@ -19,7 +19,8 @@
 
 #include <debias/core/estimate.hpp>
 
-#include "core/checkpoint.hpp"
+#include "core/part_file.hpp"
+#include "core/run_state_bytes.hpp"
 
 using namespace debias;
 
@@ -57,12 +58,12 @@ TEST_CASE("a checkpoint reads back, and is refused or shortened where any byte i
           "[core][checkpoint][exact]") {
   const std::string path = temporary("checkpoint_test");
   const auto run = estimate(draw, {.samples = 700, .seed = 5});
-  CheckpointWriter writer(path, "a text", {{"run", encode(run.state)}});
+  PartWriter writer(path, "a text", {{"run", encode(run.state)}});
   std::ifstream file(path, std::ios::binary);
   const std::vector<char> chars{std::istreambuf_iterator<char>(file), {}};
   std::filesystem::remove(path);
-  const auto parse = [](const std::vector<char>& c) { return parse_checkpoint(std::as_bytes(std::span(c))); };
-  const Checkpoint read = parse(chars);
+  const auto parse = [](const std::vector<char>& c) { return parse_parts(std::as_bytes(std::span(c))); };
+  const PartFile read = parse(chars);
   CHECK(read.text == "a text");
   REQUIRE(read.parts.size() == 1);
   const RunState state = decode(read.parts.at("run"));
@@ -89,7 +90,7 @@ TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole recor
   const std::string path = temporary("checkpoint_cut");
   const Bytes one = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
   const Bytes two = encode(estimate(draw, {.samples = 80, .seed = 5}).state);
-  CheckpointWriter writer(path, "a text");
+  PartWriter writer(path, "a text");
   Parts parts;
   std::map<std::uintmax_t, Parts> after = {{std::filesystem::file_size(path), parts}};  // by size of the file
   for (const auto& [name, contents] : {std::pair("run", one), {"other", one}, {"run", two}}) {
@@ -102,7 +103,7 @@ TEST_CASE("a checkpoint that is cut at any byte has the parts of the whole recor
     std::filesystem::resize_file(path, size);
     const auto next = after.upper_bound(size);
     try {
-      const Checkpoint cut = read_checkpoint(path);
+      const PartFile cut = read_parts(path);
       const auto& [whole, expected] = *std::prev(next);
       wrong += cut.text != "a text" || cut.parts != expected || cut.dropped != size - whole;
     } catch (const std::invalid_argument&) {
@@ -145,21 +146,21 @@ TEST_CASE("a checkpoint that is deleted comes back, and the file of another run 
           "[core][checkpoint][exact]") {
   const std::string path = temporary("checkpoint_lost");
   const Bytes sums = encode(estimate(draw, {.samples = 60, .seed = 5}).state);
-  CheckpointWriter writer(path, "one run");
+  PartWriter writer(path, "one run");
   writer.save({{"run", sums}});
   std::filesystem::remove(path);
   {
-    const CheckpointWriter quick(path, "a quick run");  // at once: its file must not be taken for the one that went
+    const PartWriter quick(path, "a quick run");  // at once: its file must not be taken for the one that went
     CHECK_THROWS_AS(writer.save({{"other", sums}}), std::system_error);
     CHECK_THROWS_AS(writer.restart("more of one run", {}), std::system_error);
   }
-  CHECK(read_checkpoint(path).text == "a quick run");
+  CHECK(read_parts(path).text == "a quick run");
   std::filesystem::remove(path);
   writer.save({{"other", sums}});
-  CHECK(read_checkpoint(path).parts == Parts{{"run", sums}, {"other", sums}});
-  CheckpointWriter another(path, "another run");
+  CHECK(read_parts(path).parts == Parts{{"run", sums}, {"other", sums}});
+  PartWriter another(path, "another run");
   CHECK_THROWS_AS(writer.save({{"run", sums}}), std::system_error);
   another.save({{"run", sums}});
-  CHECK(read_checkpoint(path).text == "another run");
+  CHECK(read_parts(path).text == "another run");
   std::filesystem::remove(path);
 }

@@ -31,7 +31,7 @@
 namespace debias {
 
 namespace detail {
-struct Codec;  // src/core/checkpoint.cpp
+struct Codec;  // src/core/run_state_bytes.cpp
 }
 
 /// Count, mean and central sums sum (x - mean)^q of real numbers.

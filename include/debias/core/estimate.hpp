@@ -25,11 +25,26 @@
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/plan.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
+#include <debias/core/run_state.hpp>
 #include <debias/core/stream.hpp>
 
 namespace debias {
+
+/// A callable threw; what() says how to replay the sample, std::rethrow_if_nested gives the original.
+class SampleError : public std::runtime_error {
+ public:
+  SampleError(const std::string& what, std::uint64_t seed, std::int64_t index)
+      : std::runtime_error(what), seed_(seed), index_(index) {}
+  [[nodiscard]] std::uint64_t seed() const { return seed_; }
+  [[nodiscard]] std::int64_t index() const { return index_; }
+
+ private:
+  std::uint64_t seed_;
+  std::int64_t index_;
+};
 
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
@@ -40,12 +55,12 @@ using PlanCheck = std::function<void(const Plan& plan)>;
 /// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
 Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
                    const std::function<double(const Statistics& pilot)>& bias);
-void check_plan(const Plan& plan);
+/// The plan of a run that goes on from a state.
+Plan plan_from(const RunState& state, Plan plan);
 /// Checks the plan; on several ranks all of them throw where one does, lest the others wait for it.
 void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
 std::string fewer_threads_text(int threads);
-void check_goal(const Goal& goal);
 
 /// Samples of a chunk.
 template <class E>
@@ -83,13 +98,27 @@ Statistics with_rounding(Statistics statistics) {
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
-/// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
-/// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
-/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
-/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
-/// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
-template <Estimator E>
-Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
+namespace detail {
+
+/// How the samples of a run are drawn: each once, in the order of a chunk.
+struct OneByOne {
+  /// Before a run, or before the pilots of its goal.
+  void begin(const Plan& /*plan*/, bool /*is_pilot*/) const {}
+  template <class Draw>
+  void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) const {
+    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+  }
+  /// One of them again, for its value alone.
+  template <class Draw>
+  auto again(std::int64_t i, const Draw& draw) const {
+    NullRecord record;
+    return draw(i, record).value;
+  }
+};
+
+/// `estimate` by another way to draw, which sees each sample as draw(index, record).
+template <Estimator E, class Way>
+Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan& plan) {
   using V = estimate_value_t<E>;
   bool pilot = false;
   const auto draw = [&](std::int64_t i, auto& record) {
@@ -97,40 +126,20 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
     if (pilot) rng = split(rng, Branch::pilot);
     return debias::draw_sample(estimator, rng, record);
   };
-  Plan fixed = plan;
-  if constexpr (Rehearses<E>) fixed.threads = 1;
-  std::int64_t rehearsed = plan.first;
-  const auto rehearse = [&](std::int64_t first, std::int64_t last) {
-    if constexpr (Rehearses<E>) {
-      estimator.rehearse([&] {
-        NullRecord record;
-        for (std::int64_t i = first; i < last; ++i) draw(i, record);
-      });
-    }
-  };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    if constexpr (Rehearses<E>) {
-      if (pilot) {
-        rehearse(first, last);
-      } else if (first >= rehearsed) {  // some whole chunks at once
-        constexpr std::int64_t size = 1 << 16;
-        rehearsed = fixed.earlier || fixed.ranks != nullptr
-                        ? last
-                        : std::min((first / size + 1) * size, fixed.first + fixed.samples);
-        rehearse(first, rehearsed);
-      }
-    }
-    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+    way.chunk(first, last, draw, recorder);
   };
   const auto check = [&](const Plan& wanted) {
-    detail::check_plan(wanted);
+    check_plan(wanted);
     if constexpr (StatesReach<E>) {
       const std::int64_t whole = std::max(wanted.whole, wanted.samples);
-      detail::require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
+      require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
     }
   };
+  Plan fixed = plan;
   if (plan.goal.asked()) {
     pilot = true;
+    way.begin(plan, pilot);
     const auto bias = [&]([[maybe_unused]] const Statistics& s) {
       if constexpr (StatesBias<E>) {
         return estimator.bias_bound(s.state.total().levels).size;
@@ -138,42 +147,56 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
         return 0.0;
       }
     };
-    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, check, bias);
+    fixed = plan_for_goal(plan, chunk_of(estimator), body, check, bias);
     pilot = false;
   }
-  detail::check_on_all(fixed, check);
-  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
+  check_on_all(fixed, check);
+  way.begin(fixed, pilot);
+  Statistics statistics = run(fixed, identity_of(estimator), chunk_of(estimator), body);
   statistics.goal = plan.goal;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
     for (LevelRow& row : statistics.levels) {
       if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
     }
-    statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
+    statistics.masses = masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
-  statistics = detail::with_rounding<V>(std::move(statistics));
+  statistics = with_rounding<V>(std::move(statistics));
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
-    NullRecord record;
-    rehearse(plan.first, plan.first + 1);
-    return Result<V>(std::move(statistics), draw(plan.first, record).value);
+    return Result<V>(std::move(statistics), way.again(plan.first, draw));
   }
 }
 
-/// The result with more samples: all that it has count, those up to plan.samples or as many as the goal asks for are
+}  // namespace detail
+
+/// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
+/// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
+/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
+/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
+/// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
+template <Estimator E>
+Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
+  const detail::OneByOne way;
+  return detail::estimate_by(way, estimator, plan);
+}
+
+/// A run that goes on from what it has: all of that counts, samples up to plan.samples or as many as the goal asks for are
 /// drawn, with the bits of one run of that size. The goal's pilot has streams of its own, so the samples that came
-/// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the result.
+/// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the state.
 /// Throws std::invalid_argument for another estimator (another type, description or name), or for fewer samples than the
-/// result has. An estimator of the same type over other data looks the same: `named` tells them apart.
+/// state has. An estimator of the same type over other data looks the same: `named` tells them apart.
+template <Estimator E>
+Result<estimate_value_t<E>> extend(const E& estimator, const RunState& state, Plan plan) {
+  state.identity.demand_same(detail::identity_of(estimator), "extend");
+  plan = detail::plan_from(state, std::move(plan));
+  return debias::estimate(estimator, plan);
+}
+/// The same for a result.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  result.state.identity.demand_same(detail::identity_of(estimator), "extend");
-  plan.seed = result.seed;
-  plan.first = result.first;
-  if (plan.goal.asked()) plan.samples = result.samples;  // at least
-  plan.earlier = std::make_shared<RunState>(result.state);
-  return debias::estimate(estimator, plan);
+  return debias::extend(estimator, result.state, std::move(plan));
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:

@@ -11,7 +11,6 @@
 
 #include <concepts>
 #include <cstdint>
-#include <functional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -77,14 +76,6 @@ auto draw_sample(const E& e, Stream& rng, R& record) {
 template <Estimator E>
 using estimate_value_t =
     decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
-
-/// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
-/// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
-/// its questions in the first pass and has the answers at hand in the second. Such a run takes one thread.
-template <class E>
-concept Rehearses = requires(const E& e, const std::function<void()>& draws) {
-  e.rehearse(draws);
-};
 
 /// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.
 inline constexpr std::int64_t default_chunk = 512;
