@@ -572,7 +572,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
     throw std::invalid_argument(reasons);
   }
   Plan run = plan;
-  run.samples = advice.members / advice.block;
+  run.samples = advice.members;
   run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.

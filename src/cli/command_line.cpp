@@ -34,7 +34,7 @@ void add_choice(Subcommand& c) {
   c.problem();
   c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
-  c.value("block", "N", "Members of a block of systematic strata, which is one sample");
+  c.value("block", "N", "Samples of a block of systematic strata; --samples is rounded up to whole blocks");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
 }
 
@@ -212,7 +212,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   for (const char* field : {"seed", "sample"}) replay.words.values[field].clear();  // neither has a usual value
   add_choice(replay);
   replay.value("seed", "S", "The seed of the run")->required();
-  replay.value("sample", "I", "The index of the sample")->required();
+  replay.value("sample", "I", "The index of the sample; of a block, all of it is drawn")->required();
 
   Subcommand& validate = add("validate", "Hold every estimator against the exact answers",
                              "  debias validate\n"
@@ -248,7 +248,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   tradeoff.value("points", "K", "PMFs to try");
   tradeoff.value("estimator", "NAME", "single_term or single_term_drawn");
   tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
-  tradeoff.value("block", "N", "Members of a block of systematic strata");
+  tradeoff.value("block", "N", "Samples of a block of systematic strata");
   tradeoff.app->add_flag("--csv", tradeoff.delivery.csv, "Comma-separated values instead of a text");
   add_plan(tradeoff);
   add_checkpoint(tradeoff);

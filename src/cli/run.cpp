@@ -44,9 +44,11 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
                  : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
-  complain(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-           " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
-           std::to_string(s.first_nonfinite));
+  complain(
+      std::to_string(s.nonfinite) + " of " +
+      (s.block > 1 ? std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) : std::to_string(s.samples)) +
+      " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
+      std::to_string(s.first_nonfinite));
   return nonfinite_samples;
 }
 

@@ -76,7 +76,7 @@ List list_of(const Range& range, const F& describe) {
 }
 
 /// Changes whenever a key changes its meaning or goes.
-inline constexpr int schema = 1;
+inline constexpr int schema = 2;
 
 /// Of the stream layout, the program and the keys.
 Fields versions();

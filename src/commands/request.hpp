@@ -64,7 +64,7 @@ PmfChoice pmf_of(const std::string& text);
 /// What one sample is.
 struct Shape {
   std::optional<Estimator> estimator = {};      ///< single_term
-  PmfChoice pmf = Declared{};                         ///< of the random level
+  PmfChoice pmf = Declared{};                   ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
   std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
 
@@ -83,8 +83,8 @@ struct Sampling {
   std::optional<std::int64_t> samples = {};  ///< 1e6, or what the goal asks for
   Goal goal = {};
   std::uint64_t seed = 1;
-  int threads = 0;                         ///< 0: as many as the machine has
-  Ranks ranks = {};    ///< processes that share the samples
+  int threads = 0;   ///< 0: as many as the machine has
+  Ranks ranks = {};  ///< processes that share the samples
 
   static constexpr std::int64_t usual = 1'000'000;
 };

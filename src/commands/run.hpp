@@ -20,7 +20,7 @@
 
 namespace debias::commands {
 
-/// The i-th of so many parts of the samples: whole chunks of any estimator, the end of the run to the last one.
+/// The i-th of so many parts of the samples: whole chunks of the estimator, the end of the run to the last one.
 struct Shard {
   std::int64_t index = 1;
   std::int64_t of = 1;

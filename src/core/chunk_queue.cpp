@@ -74,7 +74,7 @@ RunState ChunkQueue::finished() const {
 
 RunState ChunkQueue::take_finished() {
   const std::lock_guard lock(mutex_);
-  RunState empty(state.chunk());
+  RunState empty(state.chunk(), state.block());
   empty.identity = state.identity;
   empty.seed = state.seed;
   return std::exchange(state, std::move(empty));

@@ -30,7 +30,7 @@ class ChunkQueue {
   using Range = RunState::Range;
   static constexpr std::int64_t no_index = std::numeric_limits<std::int64_t>::max();
 
-  explicit ChunkQueue(std::int64_t chunk) : state(chunk), samples_(chunk) {}
+  explicit ChunkQueue(std::int64_t chunk, std::int64_t block = 1) : state(chunk, block), samples_(chunk) {}
 
   /// Samples to draw, behind all that were given before.
   void give(const Range& samples);

@@ -20,10 +20,10 @@ namespace {
 constexpr double save_interval = 1;  // seconds
 
 // What all ranks of a run must have in common.
-std::string description(const Plan& plan, const Identity& identity, std::int64_t chunk) {
+std::string description(const Plan& plan, const Identity& identity, const detail::Pieces& pieces) {
   std::string text = identity.estimator + identity.name;
-  for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, chunk,
-                               static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
+  for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, pieces.chunk,
+                               pieces.block, static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
     text += ' ' + std::to_string(x);
   }
   return text;
@@ -39,6 +39,8 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.seed = seed;
   s.first = state.first();
   s.samples = state.last() - state.first();
+  s.block = state.block();
+  s.blocks = s.samples / s.block;
   s.moments = sums.moments;
   s.work = sums.work + state.pilot.work;
   s.seconds = state.seconds + state.pilot.seconds;
@@ -50,10 +52,11 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.upper_tail = state.extremes.upper_tail();
   s.lower_tail = state.extremes.lower_tail();
 
-  const auto n = static_cast<double>(s.samples);
+  const auto n = static_cast<double>(s.blocks);
   const auto add_component = [&](double mean, double m2) {
-    const double variance = s.samples < 2 ? nan : m2 / (n - 1);
-    s.components.push_back({s.nonfinite > 0 ? nan : mean, variance, std::sqrt(variance / n)});
+    const double variance = s.blocks < 2 ? nan : m2 / (n - 1);
+    s.components.push_back(
+        {s.nonfinite > 0 ? nan : mean, variance * static_cast<double>(s.block), std::sqrt(variance / n)});
   };
   if (sums.components.entries().empty()) {
     add_component(sums.moments.mean, sums.moments.m2);
@@ -75,18 +78,29 @@ Statistics finish(std::uint64_t seed, RunState state) {
   return s;
 }
 
+// "131072 samples", "2048 blocks of 64 samples"
+std::string count_text(const Statistics& s) {
+  if (s.block == 1) return std::to_string(s.samples) + " samples";
+  return std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) + " samples";
+}
+
+// What one of its values comes from.
+std::string one_text(const Statistics& s) {
+  return s.block == 1 ? "one sample" : "one block of " + std::to_string(s.block) + " samples";
+}
+
 std::string percent(double share) { return std::to_string(std::lround(100 * share)) + " %"; }
 
 void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
   if (s.nonfinite > 0) {
-    s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
-                         ", sample " + std::to_string(s.first_nonfinite) + ".");
+    s.warnings.push_back(std::to_string(s.nonfinite) + " of " + count_text(s) +
+                         " are not finite, so the mean is not a number; replay the first: seed " + seed + ", sample " +
+                         std::to_string(s.first_nonfinite) + ".");
     return;
   }
-  if (s.samples < 2) {
-    s.warnings.emplace_back("one sample has no standard error; run at least two.");
+  if (s.blocks < 2) {
+    s.warnings.push_back(one_text(s) + " has no standard error; run at least two.");
     return;
   }
   const auto has_mean = [](const ComponentEstimate& c) { return std::isfinite(c.mean); };
@@ -101,8 +115,8 @@ void add_warnings(Statistics& s) {
   const double highest = s.upper_tail.front();
   const double lowest = s.lower_tail.front();
   if (highest == lowest && (s.components.size() == 1 || s.total_error() == 0)) {
-    s.warnings.push_back("all " + std::to_string(s.samples) +
-                         " samples are equal, so the standard error says nothing: a value that comes up less than "
+    s.warnings.push_back("all " + count_text(s) +
+                         " are equal, so the standard error says nothing: a value that comes up less than "
                          "three times in as many would not have been seen.");
     return;
   }
@@ -116,9 +130,9 @@ void add_warnings(Statistics& s) {
   const double distance = s.largest.front().value - s.moments.mean;
   const double share = distance * distance / s.moments.m2;
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
-  const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
-  if (s.samples >= 100 && share > 0.1) {
-    s.warnings.push_back("one sample carries " + percent(share) +
+  const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.blocks));
+  if (s.blocks >= 100 && share > 0.1) {
+    s.warnings.push_back(one_text(s) + " carries " + percent(share) +
                          " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
                          seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
                          std::to_string(s.largest.front().level) + ".");
@@ -157,10 +171,12 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   std::terminate();  // not reached: report always throws
 }
 
-Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body) {
+Statistics run(const Plan& plan, const Identity& identity, const Pieces& pieces, const ChunkBody& body) {
   const auto start = std::chrono::steady_clock::now();
   Communicator& ranks = plan.ranks.communicator();
-  ChunkQueue queue(chunk);
+  const std::int64_t chunk = pieces.chunk;
+  const std::int64_t block = pieces.block;
+  ChunkQueue queue(chunk, block);
   queue.state.identity = identity;
   queue.state.seed = plan.seed;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
@@ -180,7 +196,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     }
     known = state.reopen(end);
     missing = state.missing({plan.first, end});
-    std::int64_t accounted = state.total().moments.count;
+    std::int64_t accounted = state.total().moments.count * block;
     for (const auto& [first, last] : missing) {
       accounted += last - first;
       chunks += (last - 1) / chunk - first / chunk + 1;
@@ -190,11 +206,11 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
                                   " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
     }
   };
-  ranks.agree(description(plan, identity, chunk), begin);
+  ranks.agree(description(plan, identity, pieces), begin);
   const double earlier_seconds = queue.state.seconds;
   queue.state.pilot += plan.pilot;
   if (!ranks.leads()) {
-    queue.state = RunState(chunk);
+    queue.state = RunState(chunk, block);
     queue.state.identity = identity;
     queue.state.seed = plan.seed;
   }
@@ -228,7 +244,8 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     for (;;) {
       const auto [first, last] = queue.take();
       if (first >= last) break;
-      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
+      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk),
+                           block);
       try {
         body(first, last, recorder);
         const Accumulator& sums = recorder.end_chunk();
@@ -320,18 +337,18 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     }
   }
   if (short_of_memory) {  // the threads took it from one another: alone, one may have enough, for the same bits
-    queue.state = RunState(chunk);
+    queue.state = RunState(chunk, block);
     Plan alone = plan;
     alone.threads = 1;
-    Statistics statistics = run(alone, identity, chunk, body);
+    Statistics statistics = run(alone, identity, pieces, body);
     statistics.fewer_threads = 1;
     statistics.warnings.push_back(fewer_threads_text(1));
     return statistics;
   }
   queue.state.identity = identity;  // with its type, also where the sums came from another rank
   Statistics statistics = finish(plan.seed, std::move(queue.state));
-  if (statistics.moments.count != plan.samples) {
-    throw std::logic_error("estimate: " + std::to_string(statistics.moments.count) + " of " +
+  if (statistics.moments.count * block != plan.samples) {
+    throw std::logic_error("estimate: " + std::to_string(statistics.moments.count * block) + " of " +
                            std::to_string(plan.samples) +
                            " samples are in the sums (a defect of debias); please report it");
   }
@@ -351,18 +368,18 @@ std::string fewer_threads_text(int threads) {
 
 namespace {
 
-// Samples that carry the variance.
+// Samples, or blocks, that carry the variance.
 double hits_of(const Statistics& s) {
   const double excess = s.moments.kurtosis() - 1;
-  return excess > 0 ? static_cast<double>(s.samples) / excess : static_cast<double>(s.samples);
+  return excess > 0 ? static_cast<double>(s.blocks) / excess : static_cast<double>(s.blocks);
 }
 
-// The samples that a pilot asks for.
-double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, double bias) {
+// The blocks that a pilot asks for.
+double wanted_blocks(const Goal& goal, const Statistics& pilot, double spent, double bias) {
   if (goal.seconds > 0) {
-    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
+    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.blocks));
   }
-  const auto n = static_cast<double>(pilot.samples);
+  const auto n = static_cast<double>(pilot.blocks);
   // Of the variance: with the aim below the wish, two errors.
   const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
@@ -420,65 +437,69 @@ Plan plan_from(const RunState& state, Plan plan) {
   return plan;
 }
 
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,
+Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body, const PlanCheck& check,
                    const std::function<double(const Statistics&)>& bias) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
-  constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
+  constexpr std::int64_t most_pilot_blocks = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
   constexpr double enough_hits = 32;   // of a pilot: it knows the variance to a third
-  constexpr double most_samples = 0x1p46;
+  constexpr double most_blocks = 0x1p46;
   check_goal(plan.goal);
+  const std::int64_t block = pieces.block;
   Plan pilot = plan;
   // Where `samples` says that the run is short, so is the pilot.
-  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples;
-  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
+  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples / block;
+  std::int64_t pilot_blocks = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
   pilot.save = {};
   pilot.earlier = {};
   pilot.pilot = {};
   PilotCost spent;
-  const auto planned = [&](std::int64_t samples) {
+  const auto planned = [&](std::int64_t blocks) {
     Plan result = plan;
-    result.samples = samples;
+    result.samples = blocks * block;
     result.pilot += spent;
-    if (plan.earlier) result.samples = std::max(samples, plan.samples);  // fixed before those were drawn
+    if (plan.earlier) result.samples = std::max(result.samples, plan.samples);  // fixed before those were drawn
     return result;
   };
   for (;;) {
+    pilot.samples = pilot_blocks * block;
     check_on_all(pilot, check);
-    const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
+    const Statistics s = run(pilot, {.estimator = "pilot"}, pieces, body);
     spent += {s.work, s.seconds};
-    const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));
+    const double wanted = wanted_blocks(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
-      return planned(s.samples);
+      return planned(s.blocks);
     }
     if (plan.goal.seconds == 0) {
       // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
-      const auto have = static_cast<double>(s.samples);
+      const auto have = static_cast<double>(s.blocks);
       const bool equal = !(s.moments.m2 > 0);
       const bool unknown_mean = plan.goal.relative_error > 0 && !(s.size() > 3 * s.total_error());
       const bool rare = hits_of(s) < enough_hits && have < wanted;
-      const std::int64_t most =
-          equal ? std::int64_t{1} << 16 : std::clamp(16 * plan.samples, std::int64_t{1} << 16, most_pilot_samples);
-      if ((equal || unknown_mean || rare) && s.samples < most) {
-        pilot.samples = std::min(most, 4 * s.samples);
+      const std::int64_t most = equal
+                                    ? std::int64_t{1} << 16
+                                    : std::clamp(16 * (plan.samples / block), std::int64_t{1} << 16, most_pilot_blocks);
+      if ((equal || unknown_mean || rare) && s.blocks < most) {
+        pilot_blocks = std::min(most, 4 * s.blocks);
         continue;
       }
-      if (unknown_mean) return planned(s.samples);  // the result says that its mean is not told from 0
+      if (unknown_mean) return planned(s.blocks);  // the result says that its mean is not told from 0
     }
     // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
-    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
-    if (next < 4 * static_cast<double>(pilot.samples)) {
-      if (!(wanted < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + format("%f", wanted) + " samples (does not fit 64 bits)");
+    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_blocks));
+    if (next < 4 * static_cast<double>(pilot_blocks)) {
+      const double samples = wanted * static_cast<double>(block);
+      if (!(samples < 0x1p62)) {
+        throw std::invalid_argument("Goal: it takes " + format("%f", samples) + " samples (does not fit 64 bits)");
       }
-      if (wanted > most_samples) {
-        throw std::invalid_argument("Goal: it takes " + format("%.3g", wanted) + " samples (about " +
-                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.samples)) +
+      if (wanted > most_blocks) {
+        throw std::invalid_argument("Goal: it takes " + format("%.3g", samples) + " samples (about " +
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) +
                                     " seconds); ask for a larger error");
       }
       return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
     }
-    pilot.samples = static_cast<std::int64_t>(next);
+    pilot_blocks = static_cast<std::int64_t>(next);
   }
 }
 

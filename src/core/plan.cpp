@@ -25,6 +25,30 @@ void check_plan(const Plan& plan) {
   }
 }
 
+std::int64_t whole_blocks(std::int64_t samples, std::int64_t block) {
+  if (samples < 1 || samples > std::numeric_limits<std::int64_t>::max() - block) return samples;
+  return (samples + block - 1) / block * block;
+}
+
+Plan in_blocks(Plan plan, std::int64_t block) {
+  plan.samples = whole_blocks(plan.samples, block);
+  plan.whole = whole_blocks(plan.whole, block);
+  return plan;
+}
+
+void check_blocks(const Plan& plan, std::int64_t block) {
+  if (plan.first % block != 0) {
+    const std::int64_t begin = plan.first / block * block;
+    throw std::invalid_argument("Plan: first = " + std::to_string(plan.first) + " (lies inside a block of " +
+                                std::to_string(block) + " samples, which are drawn together); take " +
+                                std::to_string(begin) + " or another multiple of " + std::to_string(block));
+  }
+  if (plan.samples % block != 0) {
+    throw std::invalid_argument("Plan: samples = " + std::to_string(plan.samples) + " (whole blocks of " +
+                                std::to_string(block) + " do not fit 64 bits); ask for fewer");
+  }
+}
+
 void check_goal(const Goal& goal) {
   int wishes = 0;
   for (const auto& [name, value] :

@@ -14,7 +14,9 @@ class OneProcess final : public detail::Communicator {
  public:
   [[nodiscard]] int size() const override { return 1; }
   [[nodiscard]] bool leads() const override { return true; }
-  [[nodiscard]] int threads() const override { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+  [[nodiscard]] int threads() const override {
+    return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  }
   [[nodiscard]] bool caller_draws() const override { return true; }
   void agree(const std::string& /*text*/, const std::function<void()>& begin) override { begin(); }
   Bytes share(const std::function<Bytes()>& make) override { return make(); }

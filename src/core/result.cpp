@@ -120,7 +120,9 @@ std::ostream& operator<<(std::ostream& out, const Statistics& s) {
   if (!s.name.empty()) line("name", s.name);
   line("estimator", s.estimator);
   if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
-  line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
+  line("samples", std::to_string(s.samples) +
+                      (s.block > 1 ? " in " + std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) : "") +
+                      ", seed " + std::to_string(s.seed) +
                       (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
   const bool has_pilot = s.pilot_work > 0 || s.pilot_seconds > 0;
   const auto part = [&](const std::string& pilot) {

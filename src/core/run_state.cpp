@@ -6,9 +6,11 @@
 
 namespace debias {
 
-RunState::RunState(std::int64_t chunk) : chunk_(chunk) {
-  if (chunk > 0 && std::has_single_bit(static_cast<std::uint64_t>(chunk))) return;
-  throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two)");
+RunState::RunState(std::int64_t chunk, std::int64_t block) : chunk_(chunk), block_(block) {
+  if (block < 1) throw std::invalid_argument("block = " + std::to_string(block) + " (must be at least 1)");
+  if (chunk > 0 && chunk % block == 0 && std::has_single_bit(static_cast<std::uint64_t>(chunk / block))) return;
+  throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two" +
+                              (block > 1 ? " of blocks of " + std::to_string(block) : "") + ")");
 }
 
 void Identity::demand_same(const Identity& other, const std::string& who) const {
@@ -61,11 +63,14 @@ void RunState::insert(std::int64_t first, Node node) {
 }
 
 void RunState::merge(const RunState& other) {
-  if (chunk_ != other.chunk_) {
-    throw std::invalid_argument("merge: chunks of " + std::to_string(chunk_) + " and of " +
-                                std::to_string(other.chunk_) + " samples (not one estimator)");
-  }
   identity.demand_same(other.identity, "merge");
+  if (chunk_ != other.chunk_ || block_ != other.block_) {
+    const auto shape = [](const RunState& s) {
+      return std::to_string(s.chunk_) + (s.block_ > 1 ? " in blocks of " + std::to_string(s.block_) : "");
+    };
+    throw std::invalid_argument("merge: chunks of " + shape(*this) + " and of " + shape(other) +
+                                " samples (not one estimator)");
+  }
   if (seed && other.seed && *seed != *other.seed) {
     throw std::invalid_argument("merge: samples of seed " + std::to_string(*seed) + " and of seed " +
                                 std::to_string(*other.seed) + " (one run has one seed)");

@@ -108,7 +108,7 @@ struct detail::Codec {
 
   // What holds of the sums of every run, and is relied on.
   struct Demands {
-    std::int64_t samples = 0;
+    std::int64_t values = 0;
     std::int64_t draws = 0;
     std::optional<std::size_t> components;
 
@@ -116,7 +116,7 @@ struct detail::Codec {
       const std::size_t n = a.components.entries_.size();
       demand(n == components.value_or(n) && a.components.count_ == (n > 0 ? a.moments.count : 0));
       components = n;
-      samples += a.moments.count;  // of ranges that do not overlap
+      values += a.moments.count;  // of ranges that do not overlap
       add(a.levels.base_);
       for (const LevelSums& s : a.levels.rows_) add(s);
       for (const auto& rows : a.coupling.rows_) {
@@ -135,7 +135,7 @@ struct detail::Codec {
     template <class T, class Before, std::size_t capacity>
     void holds_enough(const Leading<T, Before, capacity>& l, std::int64_t nonfinite) const {
       const auto kept = static_cast<std::int64_t>(l.kept_.size());
-      demand(kept >= std::min(samples - nonfinite, static_cast<std::int64_t>(capacity)));
+      demand(kept >= std::min(values - nonfinite, static_cast<std::int64_t>(capacity)));
     }
   };
 
@@ -143,6 +143,7 @@ struct detail::Codec {
   static void code(Io& io, RunState& s, [[maybe_unused]] bool whole = true) {
     [[maybe_unused]] Demands demands;
     io.number(s.chunk_);
+    io.number(s.block_);
     io.number(s.seconds);
     io.text(s.identity.estimator);
     io.text(s.identity.name);
@@ -156,7 +157,10 @@ struct detail::Codec {
     }
     io.number(s.pilot.work);
     io.number(s.pilot.seconds);
-    if constexpr (Io::reads) demand(s.chunk_ > 0 && std::has_single_bit(static_cast<std::uint64_t>(s.chunk_)));
+    if constexpr (Io::reads) {
+      demand(s.chunk_ > 0 && s.block_ > 0 && s.chunk_ % s.block_ == 0 &&
+             std::has_single_bit(static_cast<std::uint64_t>(s.chunk_ / s.block_)));
+    }
     std::uint64_t n = s.nodes_.size();
     io.number(n);
     if constexpr (Io::reads) {
@@ -168,12 +172,13 @@ struct detail::Codec {
         demand(first >= position && node.last > first && node.chunks >= 0);
         const std::int64_t samples = node.last - first;
         if (node.chunks == 0) {
-          demand((node.last - 1) / s.chunk_ == first / s.chunk_ && samples < s.chunk_);
+          demand((node.last - 1) / s.chunk_ == first / s.chunk_ && samples < s.chunk_ && first % s.block_ == 0 &&
+                 samples % s.block_ == 0);
         } else {
           demand(std::has_single_bit(static_cast<std::uint64_t>(node.chunks)) && samples % s.chunk_ == 0 &&
                  samples / s.chunk_ == node.chunks && first % samples == 0);
         }
-        demand(node.sums.moments.count == samples);
+        demand(node.sums.moments.count == samples / s.block_);
         demands.add(node.sums);
         position = node.last;
         s.insert(first, std::move(node));

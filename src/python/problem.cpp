@@ -65,7 +65,8 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
     return with(choice, [&](const auto& e) {
       lookups->rehearse([&] { trace(e, seed, index); });
       auto t = trace(e, seed, index);
-      return Trace<double>{{as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels)};
+      return Trace<double>{
+          {as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels), t.block, t.first, t.member};
     });
   };
   p.levels = gathered_levels(sequence, lookups);

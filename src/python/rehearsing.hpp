@@ -17,16 +17,15 @@ class Rehearsing {
  public:
   explicit Rehearsing(Rehearsal& rehearsal) : rehearsal_(&rehearsal) {}
 
-  void begin(const Plan& plan, bool is_pilot) {
-    is_pilot_ = is_pilot;
-    has_gaps_ = plan.earlier != nullptr;
-    rehearsed_ = plan.first;
-    end_ = plan.first + plan.samples;
+  void begin(std::int64_t first, std::int64_t last, bool in_order) {
+    in_order_ = in_order;
+    rehearsed_ = first;
+    end_ = last;
   }
   template <class Draw>
   void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) {
-    if (is_pilot_ || first >= rehearsed_) {  // some whole chunks at once, where all will come
-      rehearsed_ = is_pilot_ || has_gaps_ ? last : std::min((first / ahead + 1) * ahead, end_);
+    if (!in_order_ || first >= rehearsed_) {  // some whole chunks at once, where all will come
+      rehearsed_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
       rehearse(first, rehearsed_, draw);
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
@@ -50,8 +49,7 @@ class Rehearsing {
   }
 
   Rehearsal* rehearsal_;
-  bool is_pilot_ = false;
-  bool has_gaps_ = false;
+  bool in_order_ = false;
   std::int64_t rehearsed_ = 0;
   std::int64_t end_ = 0;
 };

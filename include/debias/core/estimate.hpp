@@ -4,7 +4,8 @@
 //
 //   mean = 1/N sum_i e(Stream(seed, first + i)),   i = 0 ... N - 1
 //
-// Samples run in chunks of 512 absolute indices (fewer where a sample is a block of draws); chunk sums combine by a
+// An estimator in blocks draws `block` samples from one stream, Stream(seed, index / block), and returns their mean.
+// Samples run in chunks of 512 absolute indices (about 1024 in blocks); chunk sums combine by a
 // fixed binary tree, so the result is the same bits for any number of threads, and results over neighbouring
 // ranges merge into the bits of the whole (Chan, Golub, LeVeque 1983 for the merge of moments).
 // `trace` draws one sample alone, with its levels.
@@ -24,8 +25,8 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
-#include <debias/core/reach.hpp>
 #include <debias/core/plan.hpp>
+#include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/run_state.hpp>
@@ -49,11 +50,17 @@ class SampleError : public std::runtime_error {
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
-Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body);
+/// How the samples of an estimator come: so many from one stream, and so many in a chunk of a run.
+struct Pieces {
+  std::int64_t block = 1;
+  std::int64_t chunk = default_chunk;
+};
+
+Statistics run(const Plan& plan, const Identity& identity, const Pieces& pieces, const ChunkBody& body);
 /// Throws std::invalid_argument for plans that no run has, or none of this estimator.
 using PlanCheck = std::function<void(const Plan& plan)>;
 /// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
+Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& pilot, const PlanCheck& check,
                    const std::function<double(const Statistics& pilot)>& bias);
 /// The plan of a run that goes on from a state.
 Plan plan_from(const RunState& state, Plan plan);
@@ -62,14 +69,15 @@ void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
 std::string fewer_threads_text(int threads);
 
-/// Samples of a chunk.
 template <class E>
-std::int64_t chunk_of(const E& estimator) {
-  if constexpr (StatesChunk<E>) {
-    return estimator.chunk();
-  } else {
-    return default_chunk;
+Pieces pieces_of(const E& estimator) {
+  Pieces pieces;
+  if constexpr (StatesBlock<E>) {
+    pieces.block = estimator.block();
+    pieces.chunk = pieces.block * default_chunk;
   }
+  if constexpr (StatesChunk<E>) pieces.chunk = estimator.chunk();
+  return pieces;
 }
 
 /// Whose results a run of the estimator gives.
@@ -100,10 +108,10 @@ Statistics with_rounding(Statistics statistics) {
 
 namespace detail {
 
-/// How the samples of a run are drawn: each once, in the order of a chunk.
+/// How the streams of a run are drawn from: each once, in the order of a chunk.
 struct OneByOne {
-  /// Before a run, or before the pilots of its goal.
-  void begin(const Plan& /*plan*/, bool /*is_pilot*/) const {}
+  /// Before a run of streams first ... last - 1, or before the pilots of its goal; `in_order` where all of them will come.
+  void begin(std::int64_t /*first*/, std::int64_t /*last*/, bool /*in_order*/) const {}
   template <class Draw>
   void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) const {
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
@@ -116,30 +124,36 @@ struct OneByOne {
   }
 };
 
-/// `estimate` by another way to draw, which sees each sample as draw(index, record).
+/// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record).
 template <Estimator E, class Way>
 Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan& plan) {
   using V = estimate_value_t<E>;
+  const Pieces pieces = detail::pieces_of(estimator);
+  const std::int64_t block = pieces.block;
   bool pilot = false;
   const auto draw = [&](std::int64_t i, auto& record) {
     Stream rng(plan.seed, static_cast<std::uint64_t>(i));
-    if (pilot) rng = split(rng, Branch::pilot);
+    if (pilot) rng = debias::split(rng, Branch::pilot);
     return debias::draw_sample(estimator, rng, record);
   };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    way.chunk(first, last, draw, recorder);
+    way.chunk(first / block, last / block, draw, recorder);
   };
   const auto check = [&](const Plan& wanted) {
-    check_plan(wanted);
+    detail::check_plan(wanted);
+    detail::check_blocks(wanted, block);
     if constexpr (StatesReach<E>) {
       const std::int64_t whole = std::max(wanted.whole, wanted.samples);
-      require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
+      detail::require_reach(estimator.reach((wanted.first + wanted.samples) / block - 1), whole);
     }
   };
-  Plan fixed = plan;
+  const auto begin = [&](const Plan& next) {
+    way.begin(next.first / block, (next.first + next.samples) / block, !pilot && !next.earlier);
+  };
+  Plan fixed = detail::in_blocks(plan, block);
   if (plan.goal.asked()) {
     pilot = true;
-    way.begin(plan, pilot);
+    begin(fixed);
     const auto bias = [&]([[maybe_unused]] const Statistics& s) {
       if constexpr (StatesBias<E>) {
         return estimator.bias_bound(s.state.total().levels).size;
@@ -147,25 +161,25 @@ Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan
         return 0.0;
       }
     };
-    fixed = plan_for_goal(plan, chunk_of(estimator), body, check, bias);
+    fixed = detail::plan_for_goal(fixed, pieces, body, check, bias);
     pilot = false;
   }
-  check_on_all(fixed, check);
-  way.begin(fixed, pilot);
-  Statistics statistics = run(fixed, identity_of(estimator), chunk_of(estimator), body);
+  detail::check_on_all(fixed, check);
+  begin(fixed);
+  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), pieces, body);
   statistics.goal = plan.goal;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
     for (LevelRow& row : statistics.levels) {
       if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
     }
-    statistics.masses = masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
+    statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
-  statistics = with_rounding<V>(std::move(statistics));
+  statistics = detail::with_rounding<V>(std::move(statistics));
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
-    return Result<V>(std::move(statistics), way.again(plan.first, draw));
+    return Result<V>(std::move(statistics), way.again(plan.first / block, draw));
   }
 }
 
@@ -218,13 +232,17 @@ struct TracedLevel {
   std::int64_t level = 0;
   double difference = 0;  ///< unweighted; the value, for the base
   double work = 0;
+  std::int64_t member = 0;  ///< of the block: 0 ... block - 1
 };
 
-/// One sample drawn alone.
+/// One sample drawn alone; of an estimator in blocks, the block that it is in, with the levels of all its members.
 template <Value V>
 struct Trace {
-  Sample<V> sample;
+  Sample<V> sample;  ///< of a block, the mean of its members
   std::vector<TracedLevel> levels;
+  std::int64_t block = 1;   ///< samples that were drawn together
+  std::int64_t first = 0;   ///< index of the first of them
+  std::int64_t member = 0;  ///< place of the one that was asked for
 };
 
 /// Sample `index` of `seed`, the very one that a run contains, with all levels that it touched.
@@ -232,18 +250,29 @@ template <Estimator E>
 Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
   struct TraceRecord {
     std::vector<TracedLevel> levels;
-    void base(std::int64_t level, double value, double work) { add({true, level, value, work}); }
-    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}); }
-    void add(const TracedLevel& l) {
+    std::int64_t first = 0;  // of the members that record now, one after the other
+    std::int64_t size = 1;
+    std::int64_t bases = 0;
+    std::int64_t differences = 0;
+    void members(std::int64_t first_member, std::int64_t n) {
+      first = first_member;
+      size = n;
+      bases = differences = 0;
+    }
+    void base(std::int64_t level, double value, double work) { add({true, level, value, work}, bases); }
+    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}, differences); }
+    void add(TracedLevel l, std::int64_t& count) {
       detail::check_work(l.level, l.work);
+      l.member = first + std::min(count++, size - 1);
       levels.push_back(l);
     }
   } record;
-  Stream rng(seed, static_cast<std::uint64_t>(index));
+  const std::int64_t block = detail::pieces_of(estimator).block;
+  Stream rng(seed, static_cast<std::uint64_t>(index / block));
   try {
     auto sample = debias::draw_sample(estimator, rng, record);
     detail::check_work(sample.level, sample.work);
-    return {std::move(sample), std::move(record.levels)};
+    return {std::move(sample), std::move(record.levels), block, index / block * block, index % block};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);
   }

@@ -44,15 +44,18 @@ struct Goal {
   [[nodiscard]] bool asked() const { return error != 0 || relative_error != 0 || seconds != 0; }
 };
 
-/// Which samples to run: [first, first + samples) of `seed`. Threads change nothing but the time.
+/// Which samples to run: [first, first + samples) of `seed`. Threads change nothing but the time. Where an estimator draws
+/// its samples in blocks (`stratified`, recipes), these count samples too: `samples` is rounded up to whole blocks, `first`
+/// is the first sample of a block.
 struct Plan {
   std::int64_t samples = std::int64_t{1} << 16;
   std::uint64_t seed = 1;
-  std::int64_t first = 0;
-  int threads = 0;  ///< 0: as many as the machine has
+  std::int64_t first = 0;  ///< throws std::invalid_argument inside a block
+  int threads = 0;         ///< 0: as many as the machine has
   /// Called on the calling thread with the number of finished samples; return false to give up (Interrupted).
   std::function<bool(std::int64_t done)> progress = {};
-  Goal goal = {};  ///< takes the place of `samples`, which then says how long its first pilot is: 1/8, 64 to 1024
+  /// Takes the place of `samples`, which then says how long its first pilot is: 1/8 of them, 64 to 1024 blocks.
+  Goal goal = {};
   /// Called on the calling thread about once a second, where the run ends and where it is interrupted, with the sums of
   /// the finished chunks and the plan that they belong to: what a later run with `earlier` goes on from.
   std::function<void(const RunState& finished, const Plan& plan)> save = {};
@@ -75,6 +78,12 @@ namespace detail {
 /// Throw std::invalid_argument for what no run has.
 void check_plan(const Plan& plan);
 void check_goal(const Goal& goal);
+/// So many samples in whole blocks, rounded up; as they are where there are none, or too many for 64 bits.
+std::int64_t whole_blocks(std::int64_t samples, std::int64_t block);
+/// The plan with its samples in whole blocks.
+Plan in_blocks(Plan plan, std::int64_t block);
+/// Throws std::invalid_argument for a plan that begins or ends inside a block.
+void check_blocks(const Plan& plan, std::int64_t block);
 }  // namespace detail
 
 }  // namespace debias

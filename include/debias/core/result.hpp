@@ -4,6 +4,9 @@
 //
 //   standard error = sqrt(variance / samples), efficiency = 1 / (variance x seconds per sample)
 //
+//   Notation: a block is the samples that an estimator draws from one stream (stratified), 1 for most; blocks are
+//   independent, and their means are what moments, tails and the standard error are of.
+//
 // Assumes a finite variance: without it the mean is still unbiased, but the standard error, the interval and
 // the efficiency are not to be trusted, and too small most of the time. `verdict` says whether it is; a warning
 // names a single sample that dominates, or a sample variance that is itself too uncertain.
@@ -48,7 +51,7 @@ struct LevelRow {
 /// One component of the estimate.
 struct ComponentEstimate {
   double mean = 0;
-  double variance = 0;  ///< of one sample
+  double variance = 0;  ///< of one sample; in blocks, that of the mean of a block times its samples
   double standard_error = 0;
 };
 
@@ -58,16 +61,18 @@ struct Statistics {
   std::string name;  ///< that `named` gave the estimator; empty where it has none
   std::uint64_t seed = 0;
   std::int64_t first = 0;
-  std::int64_t samples = 0;
+  std::int64_t samples = 0;  ///< blocks x block
+  std::int64_t blocks = 0;
+  std::int64_t block = 1;  ///< samples of a block
   std::vector<ComponentEstimate> components;
-  Moments moments;     ///< of the scalar of a sample: the value itself, or its norm
+  Moments moments;     ///< of the scalar of a sample, or of the mean of a block: the value itself, or its norm
   double work = 0;     ///< total, the pilot's too
   double seconds = 0;  ///< likewise
   std::vector<LevelRow> levels;
   std::vector<LargeSample> largest;  ///< by magnitude, at most 32
   std::vector<double> upper_tail;    ///< at most 4096, descending
   std::vector<double> lower_tail;    ///< at most 4096, ascending
-  std::int64_t nonfinite = 0;
+  std::int64_t nonfinite = 0;        ///< samples, or blocks of them
   std::int64_t first_nonfinite = -1;
   BiasBound bias_bound;  ///< stated by a sequence that ends somewhere; size 0 for an unbiased estimator
   Coupling coupling;     ///< of the levels, where their draws have values

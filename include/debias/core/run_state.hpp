@@ -4,6 +4,9 @@
 //
 //   nodes of a binary tree over chunks of samples, by absolute index: O(log N) of them for N samples in a row
 //
+//   Notation: a block is the samples that an estimator draws from one stream, 1 for most; its moments are those of the means
+//   of blocks. Indices, ranges and chunks count samples.
+//
 // States of neighbouring, or any disjoint, samples merge in any order into the bits that one run would have given. A state
 // is what Plan::save hands out, Plan::earlier takes up, and core/checkpoint.hpp keeps on disk.
 // Fails where two hold the same sample, or are of two estimators or seeds: merge throws, for it would be a wrong result.
@@ -38,12 +41,14 @@ struct Identity {
 /// results need in order to merge into the bits that one run would have given.
 class RunState {
  public:
-  /// Throws std::invalid_argument unless `chunk` is a power of two.
-  explicit RunState(std::int64_t chunk);
+  /// Throws std::invalid_argument unless `chunk` is a power of two of blocks.
+  explicit RunState(std::int64_t chunk, std::int64_t block = 1);
   RunState() : RunState(default_chunk) {}
 
   /// Samples of a chunk.
   [[nodiscard]] std::int64_t chunk() const { return chunk_; }
+  /// Samples of a block.
+  [[nodiscard]] std::int64_t block() const { return block_; }
   /// Adds the sums over samples [first, last) of one chunk, or of a part of it.
   void add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums);
   /// Adds another state. Throws std::invalid_argument where both hold the same samples, or are of two estimators or seeds.
@@ -77,6 +82,7 @@ class RunState {
   void insert(std::int64_t first, Node node);
 
   std::int64_t chunk_;
+  std::int64_t block_;
   std::map<std::int64_t, Node> nodes_;  // by first sample
 };
 
