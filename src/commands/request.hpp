@@ -66,7 +66,7 @@ struct Shape {
   std::optional<Estimator> estimator = {};      ///< single_term
   PmfChoice pmf = Declared{};                   ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
-  std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
+  std::int64_t block = 1;                       ///< samples of a block of systematic strata
 
   [[nodiscard]] bool by_recipe() const { return std::holds_alternative<ByRecipe>(pmf); }
 };

@@ -226,9 +226,10 @@ void print(std::ostream& out, const RunReport& run) {
   }
   if (!s.largest.empty()) {
     const LargeSample& l = s.largest.front();
+    const std::string block = s.block > 1 ? ", block " + std::to_string(l.index / s.block) : "";
     print_line(out, "largest",
-               rounded(l.value, 6) + " (" + (s.block > 1 ? "block of sample " : "sample ") + std::to_string(l.index) +
-                   ", level " + std::to_string(l.level) + ")");
+               rounded(l.value, 6) + " (sample " + std::to_string(l.index) + block + ", level " +
+                   std::to_string(l.level) + ")");
   }
   if (!std::isnan(run.z)) {
     print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));

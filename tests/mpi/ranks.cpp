@@ -60,8 +60,9 @@ void bits() {
   for (const auto& [name, choice] : problems) {
     for (const std::int64_t n : {1000, 4096, 4097, 100'000, 1'000'000}) {
       if (n * choice.block > 1'000'000) continue;
+      const std::int64_t samples = n * choice.block;
       const catalog::Problem& problem = catalog::find(name);
-      Plan plan{.samples = n, .seed = 4};
+      Plan plan{.samples = samples, .seed = 4};
       const Statistics alone = problem.run(choice, plan);
       plan.ranks = mpi::ranks_of(MPI_COMM_WORLD);
       check(same(problem.run(choice, plan), alone), std::string(name) + " at " + std::to_string(n));
