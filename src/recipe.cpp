@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 #include "core/words.hpp"
 #include "survey/pilot.hpp"
@@ -652,7 +652,7 @@ NoPmfError refusal_of(const Advice& advice) {
 Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   if (!advice.usable()) throw refusal_of(advice);
   Plan run = plan;
-  run.samples = advice.members / advice.block;
+  run.samples = advice.members;
   run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.

@@ -13,8 +13,14 @@ check "a finished run is said again" same "$(answer resume a)" "$whole"
 check "a finished run grows" same "$(answer resume a --samples 300001 --threads 1)" "$(answer run A03 --samples 300001)"
 check "and grows again" same "$(answer resume a --samples 4e5)" "$(answer run A03 --samples 4e5)"
 check "a stratified run grows from within a chunk" same \
-  "$(answer run E02 --block 64 --samples 1001 --checkpoint b >/dev/null; answer resume b --samples 3000)" \
-  "$(answer run E02 --block 64 --samples 3000)"
+  "$(answer run E02 --block 64 --samples 64064 --checkpoint b >/dev/null; answer resume b --samples 192000)" \
+  "$(answer run E02 --block 64 --samples 192000)"
+check "samples of a stratified run are rounded up to whole blocks, again when it goes on" same \
+  "$(answer run E02 --block 64 --samples 1000 --checkpoint w >/dev/null; answer resume w --samples 1000 | grep -E '"(samples|blocks|block)":')" \
+  '  "block": 64,
+  "samples": 1024,
+  "blocks": 16,'
+check "and none is thrown away" refused_by 2 "holds 1024 samples" resume w --samples 960
 check "a run with a goal says the same" same "$(answer run A03 --error 2e-3 --checkpoint g)" "$(answer run A03 --error 2e-3)"
 check "and again" same "$(answer resume g)" "$(answer run A03 --error 2e-3)"
 # A goal asked for twice took two pilots.

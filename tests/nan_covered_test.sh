@@ -17,6 +17,7 @@ no_callable='
  results:     batch_interval bound_of conclude fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
  statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges interval_with log2_work row_of together weigh
+ files:       read_run save_run
  what hands an estimator or a sequence on as it is:
               deepest_level_of named with_deepest_level
  what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:

@@ -3,14 +3,18 @@
 // All of debias. Each header below can be included alone.
 
 #include <debias/core/accumulator.hpp>
+#include <debias/core/checkpoint.hpp>
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/no_pmf.hpp>
+#include <debias/core/plan.hpp>
 #include <debias/core/pmf.hpp>
+#include <debias/core/ranks.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/report.hpp>
 #include <debias/core/result.hpp>
+#include <debias/core/run_state.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>

@@ -7,7 +7,7 @@
 //   pilot -> posterior of the moments of the levels -> base level, base form, PMF, strata -> run
 //   variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m   [bound]
 //
-//   Notation: m = base level, p = PMF, members = samples of the single-term estimator; a block of them is one sample.
+//   Notation: m = base level, p = PMF, members = samples of the single-term estimator, in blocks.
 // The pilot draws from streams of its own, so the run knows nothing of it. It draws levels with equal work each, 2^14
 // draws of the base in all at first, then four times as much, and stops at a yes: shown, or likely after a tenth of the
 // run's work. While the answer is open it goes on to the run's own work and no further, and the run goes on: the pilot's
@@ -119,7 +119,7 @@ void print_full(std::ostream& out, const RecipeResult<V>& result) {
   print_full(out, result.advice);
 }
 
-/// The estimator that an advice names; `trace` replays a block of it.
+/// The estimator that an advice names; `trace` replays the block of a sample.
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
   return debias::stratified(
@@ -127,14 +127,14 @@ auto estimator_of(const S& sequence, const Advice& advice) {
 }
 
 namespace detail {
-/// The plan of the run in blocks, with the pilot that it took. Throws NoPmfError where no PMF has finite variance and finite
+/// The plan of the run, with the pilot that it took. Throws NoPmfError where no PMF has finite variance and finite
 /// work.
 Plan plan_of(const Plan& plan, const Advice& advice);
 /// Goal of the whole, and its doubts as warnings, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 }  // namespace detail
 
-/// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
+/// Pilot, choice and run. Plan::samples is rounded up to whole blocks.
 /// The pilot counts in the work and the seconds of the result.
 /// Throws NoPmfError, with the reasons, where it is shown or likely that no PMF has finite variance and finite work,
 /// UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).

@@ -16,7 +16,7 @@
 #include "commands/describe.hpp"
 #include "commands/renamed.hpp"
 #include "commands/text.hpp"
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 #include "manual.hpp"
 
@@ -37,7 +37,7 @@ void add_choice(Subcommand& c) {
   c.problem();
   c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none");
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
-  c.value("block", "N", "Members of a block of systematic strata, which is one sample");
+  c.value("block", "N", "Samples of a block of systematic strata; --samples is rounded up to whole blocks");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
 }
 
@@ -143,8 +143,8 @@ commands::Fields refusal(const NoPmfError& e) {
 }
 
 // Ranks share the samples of this request, and its seed, which each may have drawn for itself.
-void share(Request& request, debias::detail::Ranks* ranks) {
-  const auto one_seed = [ranks](std::uint64_t& seed) {
+void share(Request& request, const Ranks& ranks) {
+  const auto one_seed = [&ranks](std::uint64_t& seed) {
     seed = debias::detail::share<std::uint64_t>(ranks, [&seed] { return seed; });
   };
   if (auto* run = std::get_if<commands::RunRequest>(&request)) {
@@ -155,7 +155,7 @@ void share(Request& request, debias::detail::Ranks* ranks) {
     one_seed(multilevel->seed);
   } else if (auto* resume = std::get_if<Resume>(&request)) {
     resume->ranks = ranks;
-  } else {
+  } else if (ranks.size() > 1) {
     throw std::invalid_argument(
         "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start it without mpirun");
   }
@@ -232,7 +232,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   for (const char* field : {"seed", "sample"}) replay.words.values[field].clear();  // neither has a usual value
   add_choice(replay);
   replay.value("seed", "S", "The seed of the run")->required();
-  replay.value("sample", "I", "The index of the sample")->required();
+  replay.value("sample", "I", "The index of the sample; of a block, all of it is drawn")->required();
 
   Subcommand& validate = add("validate", "Hold every estimator against the exact answers",
                              "  debias validate\n"
@@ -268,7 +268,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   tradeoff.value("points", "K", "PMFs to try");
   tradeoff.value("estimator", "NAME", "single_term or single_term_drawn");
   tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
-  tradeoff.value("block", "N", "Members of a block of systematic strata");
+  tradeoff.value("block", "N", "Samples of a block of systematic strata");
   tradeoff.app->add_flag("--csv", tradeoff.delivery.csv, "Comma-separated values instead of a text");
   add_plan(tradeoff);
   add_checkpoint(tradeoff);
@@ -370,11 +370,11 @@ int execute(const Command& command) {
   return std::visit([&command](const auto& request) { return execute(request, command.delivery); }, command.request);
 }
 
-int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
+int dispatch(int argc, const char* const* argv, const Ranks& ranks) {
   const auto typed = read_command_line(argc, argv);
   if (!typed) return done;
   Command command{read_request(typed->command, typed->words), typed->delivery};
-  if (ranks != nullptr) share(command.request, ranks);
+  share(command.request, ranks);
   try {
     return execute(command);
   } catch (const NoPmfError& e) {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "core/checkpoint.hpp"
+#include "core/part_file.hpp"
 #include "output.hpp"
 #include "requests.hpp"
 

@@ -18,7 +18,7 @@ struct MultilevelRequest {
   double error = 0;  ///< root mean square, bias included
   std::uint64_t seed = 1;
   int threads = 0;
-  debias::detail::Ranks* ranks = nullptr;
+  Ranks ranks = {};
 };
 
 struct MultilevelReport {

@@ -65,7 +65,7 @@ struct Shape {
   std::optional<Estimator> estimator = {};      ///< single_term
   PmfChoice pmf = Declared{};                   ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
-  std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
+  std::int64_t block = 1;                       ///< samples of a block of systematic strata
 
   [[nodiscard]] bool by_recipe() const { return estimator && estimator->recipe; }
 };
@@ -82,8 +82,8 @@ struct Sampling {
   std::optional<std::int64_t> samples = {};  ///< 1e6, or what the goal asks for
   Goal goal = {};
   std::uint64_t seed = 1;
-  int threads = 0;                         ///< 0: as many as the machine has
-  debias::detail::Ranks* ranks = nullptr;  ///< processes that share the samples
+  int threads = 0;   ///< 0: as many as the machine has
+  Ranks ranks = {};  ///< processes that share the samples
 
   static constexpr std::int64_t usual = 1'000'000;
 };

@@ -31,14 +31,15 @@ std::string percent(double share) {
 }  // namespace
 
 void require_reach(const Reach& reach, std::int64_t samples) {
-  const double members = static_cast<double>(samples) * static_cast<double>(reach.members);
+  const auto members = static_cast<double>(samples);
   const double chance = chance_beyond(reach.beyond, members);
   if (chance <= Reach::threshold) return;
-  const double most = most_members(reach.beyond) / static_cast<double>(reach.members);
-  const std::int64_t most_samples = most < 0x1p62 ? static_cast<std::int64_t>(most) : samples;
+  const double most = most_members(reach.beyond);
+  const std::int64_t most_samples =
+      most < 0x1p62 ? static_cast<std::int64_t>(most) / reach.block * reach.block : samples;
   const Steeper other = steeper_pmf(reach, allowed_beyond(members));
   std::string text = "samples = " + std::to_string(samples);
-  if (reach.members > 1) text += " blocks of " + std::to_string(reach.members);
+  if (reach.block > 1) text += " in blocks of " + std::to_string(reach.block);
   const std::string deepest = reach.deepest == deepest_of_all ? "a level of 2^62 or more, which does not fit 64 bits,"
                                                               : "a level beyond " + std::to_string(reach.deepest) +
                                                                     ", the deepest that the sequence can draw,";
@@ -49,8 +50,9 @@ void require_reach(const Reach& reach, std::int64_t samples) {
   }
   text += " (the chance that one of them needs " + deepest + " is " + percent(chance) + " under " +
           (reach.pmf.empty() ? "this PMF" : reach.pmf) + ", and 0.1 % is allowed); ";
-  text += most_samples > 0 ? "take at most " + std::to_string(most_samples) + " samples"
-                           : "not even one sample can be drawn";
+  text += most_samples > 0  ? "take at most " + std::to_string(most_samples) + " samples"
+          : reach.block > 1 ? "not even one block can be drawn"
+                            : "not even one sample can be drawn";
   if (!other.pmf.empty()) {
     text += ", or the PMF " + other.pmf;
     if (reach.rates) {

@@ -57,7 +57,10 @@ class Printer {
       line("estimator", s_.estimator);
       if (const std::string coupling = text_of(s_.coupling); !coupling.empty()) line("coupling", coupling);
     }
-    line("samples", std::to_string(s_.samples) + ", seed " + std::to_string(s_.seed) +
+    line("samples", std::to_string(s_.samples) +
+                        (s_.block > 1 ? " in " + std::to_string(s_.blocks) + " blocks of " + std::to_string(s_.block)
+                                      : std::string()) +
+                        ", seed " + std::to_string(s_.seed) +
                         (s_.first > 0 ? ", from index " + std::to_string(s_.first) : ""));
     costs(full);
     goal();
@@ -150,7 +153,8 @@ class Printer {
     name = "largest";
     for (std::size_t i = 0; i < s_.largest.size() && i < largest_shown; ++i) {
       const LargeSample& l = s_.largest[i];
-      line(name, format("%.6g", l.value) + " (sample " + std::to_string(l.index) + ", level " +
+      const std::string block = s_.block > 1 ? ", block " + std::to_string(l.index / s_.block) : "";
+      line(name, format("%.6g", l.value) + " (sample " + std::to_string(l.index) + block + ", level " +
                      std::to_string(l.level) + ")");
       name = "";
     }

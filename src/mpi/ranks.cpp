@@ -19,14 +19,16 @@
 
 #include <sched.h>
 
-#include "core/checkpoint.hpp"
-#include "core/ranks.hpp"
-#include "mpi/groups.hpp"
+#include "core/chunk_queue.hpp"
+#include "core/chunks.hpp"
+#include "core/communicator.hpp"
+#include "core/run_state_bytes.hpp"
 
 namespace debias::mpi {
 namespace {
 
-using debias::detail::Work;
+using debias::detail::ChunkQueue;
+using debias::detail::Chunks;
 using Clock = std::chrono::steady_clock;
 using std::chrono::microseconds;
 
@@ -161,12 +163,12 @@ std::exception_ptr unpack(std::span<const std::byte> bytes) {
   }
 }
 
-class Communicator final : public debias::detail::Ranks {
+class MpiRanks final : public debias::detail::Communicator {
  public:
-  explicit Communicator(MPI_Comm comm);
-  Communicator(const Communicator&) = delete;
-  Communicator& operator=(const Communicator&) = delete;
-  ~Communicator() override {
+  explicit MpiRanks(MPI_Comm comm);
+  MpiRanks(const MpiRanks&) = delete;
+  MpiRanks& operator=(const MpiRanks&) = delete;
+  ~MpiRanks() override {
     int finalized = 0;
     MPI_Finalized(&finalized);
     if (finalized != 0) return;
@@ -174,21 +176,22 @@ class Communicator final : public debias::detail::Ranks {
     MPI_Comm_free(&tree_);
   }
 
+  [[nodiscard]] int size() const override { return size_; }
   [[nodiscard]] bool leads() const override { return rank_ == 0; }
   [[nodiscard]] int threads() const override { return threads_; }
+  [[nodiscard]] bool caller_draws() const override { return false; }
   void agree(const std::string& text, const std::function<void()>& begin) override;
   Bytes share(const std::function<Bytes()>& make) override;
   void leave(std::exception_ptr failure) override;
-  void serve(Work& work, const std::vector<Work::Range>& samples, bool saves,
-             const std::function<void(std::int64_t drawn)>& tell) override;
-  void end(Work& work, const std::function<void()>& conclude) override;
+  void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) override;
+  void end(ChunkQueue& queue, const std::function<void()>& conclude) override;
 
  private:
   class Server;
   bool meet(const std::string& text, std::exception_ptr failure, bool leaves);
-  void exchange(Work& work, const std::vector<Work::Range>& samples, bool wants_sums,
-                const std::function<void(std::int64_t drawn)>& tell);
-  void gather(Work& work, const std::function<void()>& conclude);
+  void exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
+                const Caller& caller);
+  void gather(ChunkQueue& queue, const std::function<void()>& conclude);
   template <class F>
   void or_abort(const F& f) const;
 
@@ -199,7 +202,7 @@ class Communicator final : public debias::detail::Ranks {
   int threads_ = 1;
 };
 
-Communicator::Communicator(MPI_Comm comm) {
+MpiRanks::MpiRanks(MPI_Comm comm) {
   const auto refuse = [](const std::string& why) { throw std::invalid_argument("mpi: " + why); };
   int running = 0;
   int ended = 0;
@@ -233,7 +236,7 @@ Communicator::Communicator(MPI_Comm comm) {
 
 // One round in which all ranks take part, wherever they are: false where all leave; throws the failure of the
 // first that has one.
-bool Communicator::meet(const std::string& text, std::exception_ptr failure, bool leaves) {
+bool MpiRanks::meet(const std::string& text, std::exception_ptr failure, bool leaves) {
   Bytes first = bytes_of_text(text);
   broadcast(first, 0, comm_);
   if (leaves && !failure) {
@@ -254,7 +257,7 @@ bool Communicator::meet(const std::string& text, std::exception_ptr failure, boo
   std::rethrow_exception(failure ? failure : unpack(reason));
 }
 
-void Communicator::agree(const std::string& text, const std::function<void()>& begin) {
+void MpiRanks::agree(const std::string& text, const std::function<void()>& begin) {
   std::exception_ptr failure;
   try {
     begin();
@@ -264,7 +267,7 @@ void Communicator::agree(const std::string& text, const std::function<void()>& b
   meet(text, failure, false);
 }
 
-Bytes Communicator::share(const std::function<Bytes()>& make) {
+Bytes MpiRanks::share(const std::function<Bytes()>& make) {
   Bytes bytes;
   agree("share", [&] {
     if (leads()) bytes = make();
@@ -273,7 +276,7 @@ Bytes Communicator::share(const std::function<Bytes()>& make) {
   return bytes;
 }
 
-void Communicator::leave(std::exception_ptr failure) {
+void MpiRanks::leave(std::exception_ptr failure) {
   for (bool others_stay = true; others_stay;) {
     try {
       others_stay = meet("leave", failure, true);
@@ -284,10 +287,13 @@ void Communicator::leave(std::exception_ptr failure) {
 }
 
 // Rank 0's view of all: who gets which samples, and when all is over.
-class Communicator::Server {
+class MpiRanks::Server {
  public:
-  Server(std::vector<Work::Range> samples, std::int64_t chunk, int ranks, std::function<void(int, const Order&)> tell)
-      : groups_(std::move(samples), chunk), drawn_(static_cast<std::size_t>(ranks)), tell_(std::move(tell)) {}
+  Server(const std::vector<ChunkQueue::Range>& samples, std::int64_t chunk, int ranks,
+         std::function<void(int, const Order&)> tell)
+      : samples_(chunk), drawn_(static_cast<std::size_t>(ranks)), tell_(std::move(tell)) {
+    for (const ChunkQueue::Range& some : samples) samples_.give(some);
+  }
 
   void hear(int rank, const News& news) {
     std::int64_t& drawn = drawn_[static_cast<std::size_t>(rank)];
@@ -299,8 +305,8 @@ class Communicator::Server {
       for (int r = 0; r < ranks; ++r) tell_(r, {.limit = limit_});
     }
     if (news.threads > 0) {
-      const bool more = limit_ == Work::no_index;  // all that may hold a smaller index has been handed out
-      const auto [first, last] = more ? groups_.next(ranks, news.threads) : Work::Range{0, 0};
+      const bool more = limit_ == ChunkQueue::no_index;  // all that may hold a smaller index has been handed out
+      const auto [first, last] = more ? samples_.take_share(ranks, news.threads) : ChunkQueue::Range{0, 0};
       tell_(rank, {.first = first, .last = last, .limit = limit_, .answers = 1});
     }
     if (news.ended != 0 && ++ended_ == ranks) {
@@ -310,17 +316,17 @@ class Communicator::Server {
   [[nodiscard]] std::int64_t drawn() const { return all_drawn_; }
 
  private:
-  Groups groups_;
+  Chunks samples_;
   std::vector<std::int64_t> drawn_;  // by rank
   std::int64_t all_drawn_ = 0;
-  std::int64_t limit_ = Work::no_index;
+  std::int64_t limit_ = ChunkQueue::no_index;
   int ended_ = 0;
   std::function<void(int, const Order&)> tell_;
 };
 
 // Where ranks wait for each other, one that cannot go on (no memory, a message too long) ends the job.
 template <class F>
-void Communicator::or_abort(const F& f) const {
+void MpiRanks::or_abort(const F& f) const {
   try {
     f();
   } catch (const std::exception& e) {
@@ -329,29 +335,28 @@ void Communicator::or_abort(const F& f) const {
   }
 }
 
-void Communicator::serve(Work& work, const std::vector<Work::Range>& samples, bool saves,
-                         const std::function<void(std::int64_t drawn)>& tell) {
-  int wants_sums = saves ? 1 : 0;
+void MpiRanks::serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) {
+  int wants_sums = caller.saves ? 1 : 0;
   MPI_Bcast(&wants_sums, 1, MPI_INT, 0, comm_);
-  or_abort([&] { exchange(work, samples, wants_sums != 0, tell); });
+  or_abort([&] { exchange(queue, samples, wants_sums != 0, caller); });
 }
 
-void Communicator::exchange(Work& work, const std::vector<Work::Range>& samples, bool wants_sums,
-                            const std::function<void(std::int64_t drawn)>& tell) {
-  const int threads = work.look().threads;
+void MpiRanks::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
+                        const Caller& caller) {
+  const int threads = queue.look().threads;
 
   bool waits = false;  // for samples that it asked for
   bool over = false;
   const auto obey = [&](const Order& order) {
-    work.stop_at(order.limit);
+    queue.stop_at(order.limit);
     over = over || order.over != 0;
     if (order.answers == 0) return;
     waits = false;
-    order.first < order.last ? work.give({order.first, order.last}) : work.close();
+    order.first < order.last ? queue.give({order.first, order.last}) : queue.close();
   };
   std::optional<Server> server;
   if (leads()) {
-    server.emplace(samples, work.state.chunk(), size_, [&](int rank, Order order) {
+    server.emplace(samples, queue.state.chunk(), size_, [&](int rank, Order order) {
       rank == 0 ? obey(order) : send(bytes_of(order), rank, order_tag, comm_);
     });
   }
@@ -368,7 +373,7 @@ void Communicator::exchange(Work& work, const std::vector<Work::Range>& samples,
         receive(bytes_of(news), status.MPI_SOURCE, news_tag, comm_);
         server->hear(status.MPI_SOURCE, news);
       } else if (status.MPI_TAG == sums_tag) {
-        work.merge(decode(receive(status.MPI_SOURCE, sums_tag, comm_), false));
+        queue.merge(decode(receive(status.MPI_SOURCE, sums_tag, comm_), false));
       } else {
         Order order;
         receive(bytes_of(order), 0, order_tag, comm_);
@@ -382,12 +387,12 @@ void Communicator::exchange(Work& work, const std::vector<Work::Range>& samples,
   const std::chrono::milliseconds sums_interval(std::max(1000, 10 * size_));
   auto next_report = Clock::now() + report_interval;
   auto next_sums = Clock::now() + sums_interval;
-  std::int64_t limit = Work::no_index;
+  std::int64_t limit = ChunkQueue::no_index;
   bool ended = false;
   microseconds pause = shortest_pause;
   while (!over) {
     const auto now = Clock::now();
-    const auto look = work.look();
+    const auto look = queue.look();
     const News news{.drawn = look.drawn,
                     .limit = look.limit,
                     .threads = look.hungry && !waits ? threads : 0,
@@ -404,67 +409,67 @@ void Communicator::exchange(Work& work, const std::vector<Work::Range>& samples,
     const bool heard = receive_all();
     if (!leads() && wants_sums && !ended && now >= next_sums && sums_box.free()) {
       next_sums = now + sums_interval;
-      sums_box.send(encode(work.take_finished()));
+      sums_box.send(encode(queue.take_finished()));
     }
     if (leads() && limit != 0) {
       try {
-        tell(server->drawn());
+        caller.tell(server->drawn());
       } catch (...) {
-        work.interrupt(std::current_exception());
+        queue.interrupt(std::current_exception());
         continue;  // and says so
       }
     }
     const bool busy = !leads() && !waits && !ended;
     pause = urgent || heard ? shortest_pause : std::min(2 * pause, busy ? longest_busy_pause : longest_pause);
-    if (!over) work.wait(pause);
+    if (!over) queue.wait(pause);
   }
 }
 
-void Communicator::end(Work& work, const std::function<void()>& conclude) {
-  or_abort([&] { gather(work, conclude); });
+void MpiRanks::end(ChunkQueue& queue, const std::function<void()>& conclude) {
+  or_abort([&] { gather(queue, conclude); });
 }
 
-void Communicator::gather(Work& work, const std::function<void()>& conclude) {
+void MpiRanks::gather(ChunkQueue& queue, const std::function<void()>& conclude) {
   // Sums go up a binomial tree.
   for (int step = 1; step < size_; step *= 2) {
     if ((rank_ & step) != 0) {
-      send(encode(work.take_finished()), rank_ - step, sums_tag, tree_);
+      send(encode(queue.take_finished()), rank_ - step, sums_tag, tree_);
       break;
     }
-    if (rank_ + step < size_) work.merge(decode(receive(rank_ + step, sums_tag, tree_), false));
+    if (rank_ + step < size_) queue.merge(decode(receive(rank_ + step, sums_tag, tree_), false));
   }
   if (leads()) {
     try {
       conclude();
     } catch (...) {
-      work.interrupt(std::current_exception());
+      queue.interrupt(std::current_exception());
     }
   }
   // The failure that counts: the sample with the smallest index, else what another reason there is.
   struct {
     long index;
     int rank;
-  } first{work.failed_index, rank_};
-  if (work.failed_index == Work::no_index && work.failure) --first.index;
-  static_assert(sizeof first.index == sizeof work.failed_index);
+  } first{queue.failed_index, rank_};
+  if (queue.failed_index == ChunkQueue::no_index && queue.failure) --first.index;
+  static_assert(sizeof first.index == sizeof queue.failed_index);
   MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_LONG_INT, MPI_MINLOC, comm_);
-  if (first.index == Work::no_index) {
+  if (first.index == ChunkQueue::no_index) {
     Bytes sums;
-    if (leads()) sums = encode(work.state);
+    if (leads()) sums = encode(queue.state);
     broadcast(sums, 0, comm_);
-    if (!leads()) work.state = decode(sums);
+    if (!leads()) queue.state = decode(sums);
     return;
   }
   Bytes failure;
-  if (first.rank == rank_) failure = pack(work.failure);
+  if (first.rank == rank_) failure = pack(queue.failure);
   broadcast(failure, first.rank, comm_);
   if (first.rank == rank_) return;
-  work.failure = unpack(failure);
-  work.failed_index = first.index == Work::no_index - 1 ? Work::no_index : first.index;
+  queue.failure = unpack(failure);
+  queue.failed_index = first.index == ChunkQueue::no_index - 1 ? ChunkQueue::no_index : first.index;
 }
 
 }  // namespace
 
-std::shared_ptr<debias::detail::Ranks> ranks_of(MPI_Comm comm) { return std::make_shared<Communicator>(comm); }
+Ranks ranks_of(MPI_Comm comm) { return Ranks(std::make_shared<MpiRanks>(comm)); }
 
 }  // namespace debias::mpi

@@ -231,7 +231,7 @@ py::tuple run_command(const py::object& problem, const py::dict& options, const 
   return as_objects(with_problem(problem, options, progress, request_of, command));
 }
 
-/// Samples first, first + 1, ..., n of them.
+/// Samples first, first + 1, ..., n of them; the means of whole blocks, where they come in blocks.
 py::object samples(const py::object& problem, const py::dict& options, std::int64_t n, std::int64_t first,
                    const py::object& progress) {
   struct Asked {
@@ -239,27 +239,39 @@ py::object samples(const py::object& problem, const py::dict& options, std::int6
     catalog::Choice choice;
     std::uint64_t seed;
   };
-  const auto request_of = [](const catalog::Problem& p, const Options& o) {
-    return Asked{&p, commands::choice_of(shape_of(o), p), seed_of(o)};
+  const auto request_of = [n, first](const catalog::Problem& p, const Options& o) {
+    Asked asked{&p, commands::choice_of(shape_of(o), p), seed_of(o)};
+    const std::int64_t block = asked.choice.block;
+    for (const auto& [name, x] : {std::pair("n", n), {"first", first}}) {
+      if (x % block == 0) continue;
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(x) + " (samples come in whole blocks of " +
+                                  std::to_string(block) + ", whose means are returned); take a multiple of " +
+                                  std::to_string(block));
+    }
+    return asked;
   };
   const bool own = py::isinstance<UserProblem>(problem);
   const UserProblem* user = own ? &problem.cast<const UserProblem&>() : nullptr;
   const std::size_t components = own ? user->components : 1;
-  const auto values = std::make_shared<std::vector<double>>(static_cast<std::size_t>(n) * components);
+  const auto values = std::make_shared<std::vector<double>>();
   with_problem(problem, options, progress, request_of, [=](const Asked& asked, const Watch& watch) {
-    for (std::int64_t i = 0; i < n;) {
-      const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, n - i);
+    const std::int64_t block = asked.choice.block;
+    const std::int64_t blocks = n / block;
+    values->resize(static_cast<std::size_t>(blocks) * components);
+    for (std::int64_t i = 0; i < blocks;) {
+      const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, blocks - i);
       const auto begin = static_cast<std::size_t>(i) * components;
       const auto out = std::span(*values).subspan(begin, static_cast<std::size_t>(size) * components);
       if (own) {
-        user->samples(asked.choice, asked.seed, first + i, out);
+        user->samples(asked.choice, asked.seed, first / block + i, out);
       } else {
         for (std::int64_t j = 0; j < size; ++j) {
-          out[static_cast<std::size_t>(j)] = asked.problem->trace(asked.choice, asked.seed, first + i + j).sample.value;
+          out[static_cast<std::size_t>(j)] =
+              asked.problem->trace(asked.choice, asked.seed, first + (i + j) * block).sample.value;
         }
       }
       i += size;
-      if (!watch("samples", static_cast<double>(i), static_cast<double>(n))) break;
+      if (!watch("samples", static_cast<double>(i * block), static_cast<double>(n))) break;
     }
     return true;
   });

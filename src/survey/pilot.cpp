@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "core/ranks.hpp"
 #include "core/text.hpp"
 
 namespace debias {
@@ -102,7 +101,7 @@ void Pilot::draw(std::int64_t level, std::int64_t draws) {
 // The time of a level, beside that of the first ones, against its stated work.
 void Pilot::check_time(std::int64_t level) const {
   const Statistics& here = drawn_.at(level);
-  if (plan_.ranks != nullptr || here.seconds < patience) return;
+  if (plan_.ranks.size() > 1 || here.seconds < patience) return;
   double least = std::numeric_limits<double>::infinity();  // seconds for a unit of work
   for (const auto& [k, s] : drawn_) {
     if (k < level && s.seconds > 0)

@@ -149,6 +149,83 @@ TEST_CASE("shards join to the whole, and only to it", "[commands][exact]") {
   CHECK_THROWS_AS(merged(shards), BadPart);
 }
 
+TEST_CASE("samples are members at the doors: run, resume, shards, sweep and replay", "[commands][exact]") {
+  const Shape strata{.pmf = AnyPmf(Geometric(0.6)), .block = 64};
+  RunRequest asked{.problem = &problem(), .shape = strata, .sampling = {.samples = 10'000, .seed = 5}};
+  double told = 0;
+  double total = 0;
+  const RunReport whole = run(asked, [&](std::string_view, double done, double all) {
+    told = done;
+    total = all;
+    return true;
+  });
+  const Statistics& s = whole.statistics;
+  CHECK(s.samples == 10'048);
+  CHECK(s.blocks == 157);
+  CHECK(s.block == 64);
+  CHECK(total == 10'048);
+  CHECK(told <= total);
+  const std::string json = to_json(whole);
+  for (const char* field : {"\"samples\": 10048", "\"blocks\": 157", "\"block\": 64"}) {
+    CHECK_THAT(json, Catch::Contains(field));
+  }
+  std::ostringstream text;
+  print(text, whole);
+  CHECK_THAT(text.str(), Catch::Contains("10048 in 157 blocks of 64, seed 5"));
+
+  KeptRun kept;
+  RunRequest half = asked;
+  half.sampling.samples = 4000;
+  run(half, {}, {}, [&](const RunRequest& now, const RunState& sums) {
+    kept = {now, std::make_shared<RunState>(sums)};
+  });
+  CHECK(kept.sums->last() == 4032);
+  const auto [longer, earlier] = extended({.kept = kept, .samples = 10'000});
+  CHECK(validation::bits_of(run(longer, {}, earlier).statistics) == validation::bits_of(s));
+  CHECK(extended({.kept = kept, .samples = 4000}).first.sampling.samples == 4000);
+  CHECK(refusal([&] { extended({.kept = kept, .samples = 3968}); }).find("holds 4032 samples") != std::string::npos);
+
+  MergeRequest shards;
+  shards.same = [](const RunRequest&, const RunRequest&) { return true; };
+  for (const std::int64_t i : {3, 1, 2}) {
+    RunRequest part = asked;
+    part.shard = Shard{i, 3};
+    run(settled(part), {}, {}, [&](const RunRequest& now, const RunState& sums) {
+      kept = {now, std::make_shared<RunState>(sums)};
+    });
+    CHECK(kept.sums->first() % 1024 == 0);
+    shards.shards.emplace_back("part " + std::to_string(i), kept);
+  }
+  const KeptRun joined = merged(shards);
+  CHECK(validation::bits_of(run(joined.request, {}, {joined.sums}).statistics) == validation::bits_of(s));
+  asked.shard = Shard{1, 20};
+  CHECK(refusal([&] { settled(asked); }).find("10048 samples are only 10 chunks of 1024") != std::string::npos);
+
+  const LargeSample& largest = s.largest.front();
+  const ReplayReport again = replay({&problem(), strata, 5, largest.index + 13});
+  CHECK(again.trace.sample.value == largest.value);
+  CHECK(again.trace.member == 13);
+  std::ostringstream replayed;
+  print(replayed, again);
+  CHECK_THAT(replayed.str(),
+             Catch::Contains("block " + std::string(8, ' ') + std::to_string(largest.index / 64) + ", samples ") &&
+                 Catch::Contains("this one is member 13"));
+
+  const TradeoffReport sweep = tradeoff({.problem = &problem(), .points = 3, .shape = {.block = 16}, .samples = 4000});
+  bool measured = false;
+  for (const TradeoffPoint& p : sweep.points) {
+    if (!p.measured) continue;
+    measured = true;
+    const Statistics one = problem().run(
+        {sweep.setup.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn, p.pmf,
+         sweep.setup.base_level, "", 16},
+        {.samples = 4000});
+    CHECK(p.variance == one.components[0].variance);
+    CHECK(p.work == one.work_per_sample());
+  }
+  CHECK(measured);
+}
+
 TEST_CASE("a caller that ends a sweep gets its finished points, and takes them up again", "[commands][exact]") {
   const TradeoffRequest request{.problem = &problem(), .points = 3, .samples = 4000};
   const TradeoffReport whole = tradeoff(request);

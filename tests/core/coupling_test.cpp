@@ -14,7 +14,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
-#include "core/checkpoint.hpp"
+#include "core/run_state_bytes.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/independent_sum.hpp>

@@ -15,6 +15,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
+#include "python/rehearsing.hpp"
 #include "validation/bits.hpp"
 
 #include <debias/core/estimate.hpp>
@@ -56,13 +57,20 @@ struct NoisyHalves {
 
 const auto debiased = single_term(squared_mean, Geometric(0.6));
 
+struct Memory {
+  std::vector<Sample<double>> samples;
+  std::size_t next = 0;
+  bool rehearsing = false;
+
+  void rehearse(const std::function<void()>& draws) {
+    *this = {.samples = {}, .next = 0, .rehearsing = true};
+    draws();
+    rehearsing = false;
+  }
+};
+
 /// The same, made in the rehearsal and only handed out in the run.
 struct Rehearsed {
-  struct Memory {
-    std::vector<Sample<double>> samples;
-    std::size_t next = 0;
-    bool rehearsing = false;
-  };
   Memory* memory;
 
   Sample<double> operator()(Stream& rng) const {
@@ -70,11 +78,6 @@ struct Rehearsed {
     NullRecord record;
     memory->samples.push_back(debiased(rng, record));
     return {};
-  }
-  void rehearse(const std::function<void()>& draws) const {
-    *memory = {.samples = {}, .next = 0, .rehearsing = true};
-    draws();
-    memory->rehearsing = false;
   }
 };
 
@@ -87,8 +90,8 @@ auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threa
 
 // ---- equal bits
 
-TEST_CASE("an estimator that rehearses sees each draw before it counts, in order", "[core][estimate][exact]") {
-  Rehearsed::Memory memory;
+TEST_CASE("a run that is rehearsed sees each draw before it counts, in order", "[core][estimate][exact]") {
+  Memory memory;
   const auto silent = [](Stream& rng) {
     NullRecord record;
     return debiased(rng, record);
@@ -98,7 +101,7 @@ TEST_CASE("an estimator that rehearses sees each draw before it counts, in order
                            Plan{.seed = 7, .threads = 1, .goal = {.error = 0.02}}}) {
     CAPTURE(plan.samples);
     const auto expected = estimate(silent, plan);
-    const auto rehearsed = estimate(Rehearsed{&memory}, plan);
+    const auto rehearsed = python::estimate_rehearsed(memory, Rehearsed{&memory}, plan);
     CHECK(bits_of(rehearsed) == bits_of(expected));
     CHECK(memory.next == memory.samples.size());
   }

@@ -31,7 +31,7 @@ TEST_CASE("the bound of a run is in its result, printed, and kept by a merge", "
   text << a;
   CHECK_THAT(text.str(), Catch::Contains("at most") && Catch::Contains("end at level"));
   // strata keep it, and so does a recipe
-  const auto in_blocks = estimate(stratified(s, 64), {.samples = 4096});
+  const auto in_blocks = estimate(stratified(s, 64), {.samples = 64 * 4096});
   CHECK(in_blocks.bias_bound.size > 0);
   CHECK(in_blocks.bias_bound.size < 1e-6);
   const auto by_recipe =

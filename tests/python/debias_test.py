@@ -133,7 +133,6 @@ class SameBits(unittest.TestCase):
         mean = debias.function_of_mean(lambda x: 1 + x[:, 0] * x[:, 0], "reciprocal")
         comb = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "log")
         jittered = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "power:1.5", points="jittered")
-        blocks = {**plan, "samples": 30000 // 8 * 8}
         runs = {"scalar": (SCALAR, {**plan, "pmf": PMF}),
                 "drawn": (SCALAR, {**plan, "pmf": PMF, "estimator": "single_term_drawn", "base_level": 1}),
                 "sum": (SCALAR, {**plan, "pmf": PMF, "estimator": "independent_sum"}),
@@ -151,6 +150,30 @@ class SameBits(unittest.TestCase):
                 got = [x for pair in zip(np.atleast_1d(r.mean), np.atleast_1d(r.standard_error)) for x in pair]
                 self.assertEqual(got + [r.work], expected[name])
         self.assertEqual(debias.replay(SCALAR, 12345, seed=11, pmf=PMF)["value"], expected["sample"][0])
+
+    def test_samples_are_members_and_blocks_stand_beside_them(self):
+        for problem in ("A10", SCALAR):
+            result = debias.estimate(problem, samples=10_000, seed=4, pmf=PMF, block=64)
+            self.assertEqual((result.samples, result.blocks, result.block), (10_048, 157, 64))
+            self.assertIn("10048 in 157 blocks of 64, seed 4", str(result))
+            self.assertEqual(result.to_dict()["blocks"], 157)
+            values = debias.samples(problem, 10_048, seed=4, pmf=PMF, block=64)
+            self.assertEqual(values.shape, (157,))  # a value a block
+            np.testing.assert_allclose(values.mean(), result.mean, rtol=1e-12)
+            part = debias.samples(problem, 640, seed=4, first=1280, pmf=PMF, block=64)
+            np.testing.assert_array_equal(values[20:30], part)
+            largest = result.largest[0]
+            self.assertEqual(values[largest["index"] // 64], largest["value"])
+            again = debias.replay(problem, int(largest["index"]) + 5, seed=4, pmf=PMF, block=64)
+            self.assertEqual(again["value"], largest["value"])
+            self.assertEqual((again["member"], again["first_of_block"]), (5, largest["index"]))
+            for wrong in ({"n": 100}, {"n": 64, "first": 10}):
+                with self.assertRaisesRegex(ValueError, "take a multiple of 64"):
+                    debias.samples(problem, seed=4, pmf=PMF, block=64, **wrong)
+        plain = debias.estimate("A10", samples=1000, pmf=PMF)
+        self.assertEqual((plain.samples, plain.blocks, plain.block), (1000, 1000, 1))
+        vectors = debias.samples(VECTOR, 640, seed=4, pmf=PMF, block=64)
+        self.assertEqual(vectors.shape, (10, VECTOR.components))
 
     def test_samples_are_those_of_the_run(self):
         for problem in ("A10", SCALAR, VECTOR):

@@ -30,7 +30,7 @@
 namespace debias {
 
 namespace detail {
-struct Codec;  // src/core/checkpoint.cpp
+struct Codec;  // src/core/run_state_bytes.cpp
 }
 
 class LevelTable;

@@ -11,7 +11,6 @@
 
 #include <concepts>
 #include <cstdint>
-#include <functional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -78,19 +77,18 @@ template <Estimator E>
 using estimate_value_t =
     decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
 
-/// An estimator that sees the draws of some chunks once before they count: `rehearse(draws)` calls draws(), or does not;
-/// then the same draws run again, in the same order, and are recorded. What looks numbers up somewhere slow gathers
-/// its questions in the first pass and has the answers at hand in the second. Such a run takes one thread.
+/// An estimator that draws several samples from one stream, a block of them: what it returns is their mean, and their work in
+/// all. Plans and results count its samples, and the blocks beside them.
 template <class E>
-concept Rehearses = requires(const E& e, const std::function<void()>& draws) {
-  e.rehearse(draws);
+concept StatesBlock = requires(const E& e) {
+  { e.block() } -> std::same_as<std::int64_t>;
 };
 
 /// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.
 inline constexpr std::int64_t default_chunk = 512;
 
-/// An estimator whose sample is made of so many draws that fewer samples make a chunk of a run: a power of two, the
-/// same for every run of the estimator.
+/// An estimator whose samples need chunks of another size: a power of two of its blocks, the same for every run of the
+/// estimator.
 template <class E>
 concept StatesChunk = requires(const E& e) {
   { e.chunk() } -> std::same_as<std::int64_t>;

@@ -4,7 +4,7 @@
 //
 //   chance = 1 - (1 - t)^N <= 1 / 1000,   t = P(a member needs a level beyond the deepest that can be drawn)
 //
-//   Notation: N = members of the whole run (of a block estimator, samples x block).
+//   Notation: N = samples of the whole run (in blocks, their members).
 // A run that dies at such a level, and is repeated with another seed, is biased; within the chance it may still die. What
 // that leaves out is small beside the noise: |E[Z; too deep]| <= sqrt(E Z^2 t) is at most 3 % of a standard error, sqrt(1 /
 // 1000), where the variance is finite (Cauchy-Schwarz).
@@ -71,7 +71,7 @@ struct Reach {
   std::int64_t deepest = deepest_of_all;  ///< level that can be drawn
   std::int64_t first_level = 0;           ///< of outcome 0 of the PMF
   double beyond = 0;                      ///< P(a member needs a deeper one)
-  std::int64_t members = 1;               ///< of a sample
+  std::int64_t block = 1;                 ///< samples that come together
   std::string pmf = {};
   Decay decay = Decay::geometric;  ///< of its tail
   std::optional<Rates> rates{};    ///< of the sequence, where it declares them
@@ -80,7 +80,8 @@ struct Reach {
   static constexpr double threshold = 1e-3;
 };
 
-/// An estimator that knows what its level takes; `last` is the index of the last sample of the run.
+/// An estimator that knows what its level takes; `last` is the index of the last stream of the run: of its last sample, or
+/// block.
 template <class E>
 concept StatesReach = requires(const E& e, std::int64_t last) {
   { e.reach(last) } -> std::same_as<Reach>;
@@ -99,7 +100,7 @@ class UndrawableError : public std::invalid_argument {
         pmf_(std::move(pmf)) {}
   [[nodiscard]] std::int64_t deepest_level() const { return deepest_; }
   [[nodiscard]] double chance() const { return chance_; }
-  [[nodiscard]] std::int64_t most_samples() const { return most_samples_; }  ///< of the estimator; 0: not even one
+  [[nodiscard]] std::int64_t most_samples() const { return most_samples_; }  ///< in whole blocks; 0: not even one
   [[nodiscard]] const std::string& pmf() const { return pmf_; }  ///< one that can be drawn; empty: none, at this base
 
  private:

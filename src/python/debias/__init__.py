@@ -212,7 +212,17 @@ class Result(Report):
 
     @property
     def samples(self) -> int:
+        """`blocks` times `block`."""
         return self._known("samples")
+
+    @property
+    def blocks(self) -> int:
+        return self._known("blocks")
+
+    @property
+    def block(self) -> int:
+        """Samples of a block, which are drawn together; 1 without strata."""
+        return self._known("block")
 
     @property
     def work(self) -> float:
@@ -446,7 +456,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     estimator   see `estimators()`; "recipe": a pilot chooses PMF, base level and strata, also where neither a PMF nor
                 rates are given; "multilevel", the biased baseline, takes an `error`
     pmf         of the random level, "geometric:r=0.6"; without one the declared rates of the problem choose
-    block       members of a block of systematic strata, which is one sample
+    block       samples of a block of systematic strata; `samples` is rounded up to whole blocks
     progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
 
     Issues a DebiasWarning for each doubt of the result.
@@ -481,7 +491,8 @@ def _warn(result: Result) -> None:
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
             estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
             block: Optional[Number] = None, progress: Progress = None) -> Samples:
-    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages.
+    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages. With `block`, one value
+    for each block, the mean of its samples: n and first are then multiples of the block.
 
     The array knows its `seed`.
     """
@@ -495,14 +506,16 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
                        base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
-    result = (values.reshape(n, -1) if values.size != n else values).view(Samples)
+    components = problem.components if isinstance(problem, Problem) else 1
+    result = (values.reshape(-1, components) if components > 1 else values).view(Samples)
     result.seed = seed
     return result
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
            pmf: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
-    """One sample of a run again, with every level that it touched."""
+    """One sample of a run again, with every level that it touched; of a block, all its samples, each level with the `member`
+    that drew it."""
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
