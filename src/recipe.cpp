@@ -69,7 +69,8 @@ class Choice {
     model_ = model_of(survey_);
   }
 
-  void choose() {
+  /// False: no level has values that are finite numbers, of finite variance.
+  [[nodiscard]] bool choose() {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
@@ -81,7 +82,7 @@ class Choice {
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
-      if (m < highest && !has_moments(m)) continue;
+      if (!has_moments(m)) continue;
       if (m > lowest && exhausted(m)) break;
       for (const Base base : {Base::always, Base::drawn}) {
         if (options_.base && *options_.base != base) continue;
@@ -101,7 +102,8 @@ class Choice {
         chosen_ = setup;
       }
     }
-    conclude();
+    if (found) conclude();
+    return found;
   }
 
  private:
@@ -331,7 +333,21 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   }
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
-  return std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no standard error
+  const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
+  constexpr double most_members = 0x1p46;
+  if (members > most_members) {
+    double seconds = 0;
+    double work = 0;
+    for (const SurveyRow& r : advice.survey.rows) {
+      seconds += r.seconds * static_cast<double>(r.draws);
+      work += std::max(r.difference_work, r.value_work) * static_cast<double>(r.draws);
+    }
+    throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
+                                format("%.2g", members * advice.predicted.work) + ", about " +
+                                format("%.2g", members * advice.predicted.work * seconds / work) +
+                                " seconds); ask for a larger error");
+  }
+  return members;
 }
 
 std::string levels_text(const Evidence& e) {
@@ -496,6 +512,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   Pilot pilot(runs, pilot_plan);
   Advice advice;
   std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
+  bool has_base = true;
   for (int stage = 0;; ++stage) {
     pilot.grow(budget, deepest);
     const auto choose = [&](bool budget_spent) {
@@ -512,10 +529,13 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         next.block = std::max<std::int64_t>(advice.block, 64);
         set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                             : static_cast<double>(plan.samples));
-        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
-        if (plan.goal.asked()) {
+        has_base = Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
+        if (!has_base) {
+          next.survey.pmf_exists = Answer::open;
+          next.survey.grade = Grade::open;
+        } else if (plan.goal.asked()) {
           set_members(next, wanted_members(next, plan));
-          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();  // with the block of that many members
+          has_base = Choice(runs, pilot_plan, options, true, next).choose();  // with the block of that many members
           set_members(next, wanted_members(next, plan));
         }
       }
@@ -524,8 +544,9 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       return next;
     };
     advice = choose(false);
-    const double run_work =
-        std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    // Without a base, that of a run whose base is the deepest level.
+    const double of_member = has_base ? advice.predicted.work : advice.survey.rows.back().value_work;
+    const double run_work = std::min(of_member * static_cast<double>(advice.members), most_pilot_draws * unit);
     const double limit = options.budget.value_or(std::max(run_work, 0.0));
     double wanted = 0;
     if (advice.survey.pmf_exists != Answer::yes) {
@@ -537,9 +558,19 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
       }
     }
-    wanted = std::min(wanted, limit);
+    // What a choice draws for itself counts, too.
+    wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra));
+    if (plan.goal.seconds > 0) {
+      wanted = std::min(wanted, budget * plan.goal.seconds / 4 / std::max(advice.pilot_seconds, 1e-9));
+    }
     const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
     if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
+      if (!has_base) {
+        throw std::invalid_argument(
+            "recipe: no level up to " + std::to_string(advice.survey.rows.back().level) +
+            " can be the base (values, or their squares, are not finite numbers in these draws); take draws whose "
+            "weights vary less, or a larger budget for deeper levels");
+      }
       if (advice.survey.pmf_exists == Answer::open) advice = choose(true);
       break;
     }
