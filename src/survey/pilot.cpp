@@ -21,8 +21,9 @@ constexpr std::int64_t most_draws = std::int64_t{1} << 20;
 constexpr double growing = 0.25;  // octaves of work a level: every level then counts
 constexpr double patience = 5;    // seconds for the draws of one level whose stated work does not explain them
 constexpr double unexplained = 64;
+constexpr double unexplained_by_processor = 24;
 constexpr double least_time = 2e-5;   // seconds of the processor that a clock can tell
-constexpr double enough_time = 2e-3;  // to speak of a level
+constexpr double enough_time = 5e-4;  // to speak of a level
 constexpr std::int64_t rising = 3;    // levels over which the time has grown
 
 bool is_length_error(const std::exception& e) {
@@ -55,7 +56,7 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
     for (const auto& [k, before] : seconds_of_) {
       if (k == 0 || k + rising > level) continue;
       const double work = of_both(work_of_.at(level)) / of_both(work_of_.at(k));
-      if (seconds > unexplained * work * std::max(before, least_time)) return false;
+      if (seconds > unexplained_by_processor * work * std::max(before, least_time)) return false;
     }
     return true;
   };

@@ -4,7 +4,7 @@
 //
 //   levels 0 ... 8, then every level where the work grows by powers of 2, else four an octave
 //
-// Throws std::invalid_argument, "state the work", at the first level whose time grows 64 times beyond its stated work: that
+// Throws std::invalid_argument, "state the work", at the first level whose time grows 24 times beyond its stated work: that
 // of the few draws that tell its work is enough. Asks plan.progress before each of them.
 // A level is drawn while the budget leaves it 64 draws beside the others. Stops before a level that the sequence refuses
 // (std::length_error).
