@@ -96,11 +96,13 @@ class Driver {
       result.pilot_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       draw();
       result.bias = remaining_bias(levels_);
+      const bool add = result.bias > allowed_bias();
+      result.bias = std::max(result.bias, hidden_bias());
       if (total_error(result.bias) <= error_ && is_known()) {
         result.converged = std::ssize(levels_) >= fewest_levels;
         break;
       }
-      if (std::ssize(pilots_) >= most_levels() || !(result.bias > allowed_bias())) break;
+      if (std::ssize(pilots_) >= most_levels() || !add) break;
       add_level();
     }
     finish(result);
@@ -222,6 +224,14 @@ class Driver {
       }
       wanted_.push_back(std::max(n, 2.0));
     }
+    // Zeros that may hide a bias: draws that rule it out, for no more than the others cost.
+    const std::size_t l = pilots_.size() - 1;
+    const std::size_t last = last_shown(l);
+    if (last == 0 || last == l) return;
+    double cost = 0;
+    for (std::size_t k = 0; k < l; ++k) cost += wanted_[k] * pilots_[k].work_per_draw();
+    const double enough = 6 * std::sqrt(pilots_[last].fourth / pilots_[last].second) / allowed_bias();
+    wanted_[l] = std::max(wanted_[l], std::floor(std::min(enough, cost / pilots_[l].work_per_draw())));
   }
 
   void draw() {
@@ -254,22 +264,32 @@ class Driver {
     return std::clamp(-line.slope - line.slope_error, slowest_rate, most);
   }
 
-  // What a level of zeros may hide: nothing, where the share of draws with a difference promised some; else, by the rule of
-  // three, differences as large as the last ones.
-  [[nodiscard]] static double of_zeros(const std::vector<Level>& levels, std::size_t l) {
-    std::size_t last = l;
-    while (last > 0 && levels[last].second == 0) --last;
-    const Level& seen = levels[last];
-    if (last == 0 || seen.second == 0) return 0;  // never a difference
+  // The last level before l whose pilot shows differences; 0: none does.
+  [[nodiscard]] std::size_t last_shown(std::size_t l) const {
+    while (l > 0 && pilots_[l].second == 0) --l;
+    return l;
+  }
+
+  // What zeros of level l may hide: nothing, where the share of draws with a difference promised some; else, by the rule
+  // of three, differences as large as the last ones.
+  [[nodiscard]] double of_zeros(std::size_t l) const {
+    const std::size_t last = last_shown(l);
+    if (last == 0) return 0;
+    const Level& seen = pilots_[last];
+    double share = seen.hits() / static_cast<double>(seen.draws);  // at least
     double promised = 0;
-    double share = seen.second * seen.second / seen.fourth;  // at least, relative
-    share /= static_cast<double>(seen.draws);
-    for (std::size_t k = last + 1; k < levels.size(); ++k) {
+    for (std::size_t k = last + 1; k < pilots_.size(); ++k) {
       share /= 2;
-      promised += share * static_cast<double>(levels[k].draws);
+      promised += share * static_cast<double>(pilots_[k].draws + levels_[k].draws);
     }
     if (promised >= hits_promised) return 0;
-    return 3 / static_cast<double>(levels[l].draws) * std::sqrt(seen.fourth / seen.second);
+    return 3 / static_cast<double>(pilots_[l].draws + levels_[l].draws) * std::sqrt(seen.fourth / seen.second);
+  }
+  // Of the last level, if it is zero; deeper ones then fall as the others do.
+  [[nodiscard]] double hidden_bias() const {
+    const std::size_t l = pilots_.size() - 1;
+    if (pilots_[l].second != 0 || levels_[l].second != 0) return 0;
+    return of_zeros(l) / (std::exp2(alpha_of(pilots_)) - 1);
   }
 
   // The least upper bound of the last three levels, at two errors, but no less than a lower bound of any of them.
@@ -280,10 +300,6 @@ class Driver {
     for (std::size_t k = 0; k < 3 && k + 1 < levels.size(); ++k) {
       const Level& level = levels[levels.size() - 1 - k];
       const double fall = std::exp2(-alpha * static_cast<double>(k));
-      if (level.second == 0) {
-        upper = std::min(upper, fall * of_zeros(levels, levels.size() - 1 - k));
-        continue;
-      }
       upper = std::min(upper, (std::abs(level.mean()) + 2 * level.error()) * fall);
       lower = std::max(lower, (std::abs(level.mean()) - 2 * level.error()) * fall);
     }
