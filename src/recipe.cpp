@@ -73,8 +73,9 @@ class Choice {
     model_ = model_of(survey_);
   }
 
-  // `finally` draws all that it can to compare what it chose.
-  void choose(bool finally) {
+  /// `finally` draws all that it can to compare what it chose. False: no level has values that are finite numbers, of
+  /// finite variance.
+  [[nodiscard]] bool choose(bool finally) {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
@@ -85,15 +86,12 @@ class Choice {
     const auto first = std::find_if(survey_.rows.begin(), survey_.rows.end(), [&](const SurveyRow& r) {
       return r.level >= lowest && survey_.row_at(r.level + 1) != nullptr;
     });
-    if (first == survey_.rows.end()) {
-      throw std::invalid_argument("recipe: base level " + std::to_string(lowest) +
-                                  " (the pilot reached no two levels there); take a lower one, or more samples");
-    }
+    if (first == survey_.rows.end()) return false;
     const double unit = first->value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
-      if (m < highest && !has_moments(m)) continue;
+      if (!has_moments(m)) continue;
       if (m > lowest && exhausted(m) && exhausted(m - 1)) break;
       for (const Base base : {Base::always, Base::drawn}) {
         if (options_.base && *options_.base != base) continue;
@@ -113,7 +111,8 @@ class Choice {
         chosen_ = setup;
       }
     }
-    conclude(finally ? 1 : shared_share);
+    if (found) conclude(finally ? 1 : shared_share);
+    return found;
   }
 
  private:
@@ -340,7 +339,21 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   }
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
-  return std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no standard error
+  const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
+  constexpr double most_members = 0x1p46;
+  if (members > most_members) {
+    double seconds = 0;
+    double work = 0;
+    for (const SurveyRow& r : advice.survey.rows) {
+      seconds += r.seconds * static_cast<double>(r.draws);
+      work += std::max(r.difference_work, r.value_work) * static_cast<double>(r.draws);
+    }
+    throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
+                                format("%.2g", members * advice.predicted.work) + ", about " +
+                                format("%.2g", members * advice.predicted.work * seconds / work) +
+                                " seconds); ask for a larger error");
+  }
+  return members;
 }
 
 std::string levels_text(const Evidence& e) {
@@ -509,6 +522,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   Pilot pilot(runs, pilot_plan);
   Advice advice;
   std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
+  bool has_base = true;
   for (int stage = 0;; ++stage) {
     pilot.grow(budget, deepest);
     const auto choose = [&](bool budget_spent, bool finally) {
@@ -525,11 +539,15 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         next.block = std::max<std::int64_t>(advice.block, 64);
         set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                             : static_cast<double>(plan.samples));
-        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose(finally && !plan.goal.asked());
-        if (plan.goal.asked()) {
+        const bool asked = plan.goal.asked();
+        has_base = Choice(runs, pilot_plan, options, asked, next).choose(finally && !asked);
+        if (!has_base) {
+          next.survey.pmf_exists = Answer::open;
+          next.survey.grade = Grade::open;
+        } else if (asked) {
           set_members(next, wanted_members(next, plan));
           // With the block of that many members.
-          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose(finally);
+          has_base = Choice(runs, pilot_plan, options, asked, next).choose(finally);
           set_members(next, wanted_members(next, plan));
         }
       }
@@ -538,7 +556,9 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       return next;
     };
     advice = choose(false, false);
-    double run_work = std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    // Without a base, that of a run whose base is the deepest level.
+    const double of_member = has_base ? advice.predicted.work : advice.survey.rows.back().value_work;
+    double run_work = std::min(of_member * static_cast<double>(advice.members), most_pilot_draws * unit);
     // What is open may have no PMF, and then a work that is next to endless.
     if (advice.survey.pmf_exists != Answer::yes && !plan.goal.asked()) {
       run_work = std::min(run_work, most_open_work * unit * static_cast<double>(advice.members));
@@ -554,9 +574,19 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
       }
     }
-    wanted = std::min(wanted, limit);
+    // What a choice draws for itself counts, too.
+    wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra));
+    if (plan.goal.seconds > 0) {
+      wanted = std::min(wanted, budget * plan.goal.seconds / 4 / std::max(advice.pilot_seconds, 1e-9));
+    }
     const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
     if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
+      if (!has_base) {
+        throw std::invalid_argument(
+            "recipe: no level up to " + std::to_string(advice.survey.rows.back().level) +
+            " can be the base (values, or their squares, are not finite numbers in these draws); take draws whose "
+            "weights vary less, or a larger budget for deeper levels");
+      }
       advice = choose(advice.survey.pmf_exists == Answer::open, true);
       break;
     }

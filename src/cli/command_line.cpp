@@ -256,7 +256,8 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
                            "  debias survey A01\n"
                            "  debias survey A01 --levels 12 --samples 1e5 --json");
   survey.problem();
-  survey.value("levels", "L", "Levels 0 to L - 1");
+  survey.value("levels", "L", "How many levels; 10 by default");
+  survey.value("first", "K", "The first of them, 0 by default: above those without finite moments, say");
   add_plan(survey);
   add_output(survey);
 

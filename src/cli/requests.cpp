@@ -346,6 +346,7 @@ template <class Way>
 void layout(Way& way, SurveyRequest& r) {
   way.problem(r.problem);
   way.count("levels", r.levels, 2, most_levels);
+  way.count("first", r.first, 0);
   draws(way, r);
 }
 

@@ -18,11 +18,12 @@ SurveyReport survey(const SurveyRequest& request, const Watch& watch) {
   Plan plan{.samples = request.samples, .seed = request.seed, .threads = request.threads};
   const double total = static_cast<double>(request.levels) * static_cast<double>(plan.samples);
   plan.progress = [&](std::int64_t done) {
-    return caller.goes_on(
-        problem.id + ": level " + std::to_string(done / plan.samples) + " of " + std::to_string(request.levels),
-        static_cast<double>(done), total);
+    return caller.goes_on(problem.id + ": level " + std::to_string(request.first + done / plan.samples) + " of " +
+                              std::to_string(request.first) + " to " +
+                              std::to_string(request.first + request.levels - 1),
+                          static_cast<double>(done), total);
   };
-  return {&problem, plan.samples, debias::survey(problem.levels, request.levels, plan)};
+  return {&problem, plan.samples, debias::survey(problem.levels, request.levels, plan, request.first)};
 }
 
 void print(std::ostream& out, const SurveyReport& s, bool full) {

@@ -14,7 +14,8 @@ namespace debias::commands {
 
 struct SurveyRequest {
   const catalog::Problem* problem = nullptr;
-  std::int64_t levels = 10;       ///< 0 ... levels - 1
+  std::int64_t first = 0;
+  std::int64_t levels = 10;       ///< first ... first + levels - 1
   std::int64_t samples = 10'000;  ///< draws of each level
   std::uint64_t seed = 1;
   int threads = 0;

@@ -110,6 +110,7 @@ commands::AdviseRequest advise_request(const catalog::Problem& problem, const Op
 commands::SurveyRequest survey_request(const catalog::Problem& problem, const Options& options) {
   commands::SurveyRequest r{.problem = &problem, .seed = seed_of(options)};
   take(options, "levels", r.levels, 2, static_cast<std::uint64_t>(commands::most_levels));
+  take(options, "first", r.first, 0);
   take(options, "samples", r.samples, 1);
   take_threads(options, r.threads);
   return r;

@@ -557,7 +557,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   const double scatter = statistics::scatter_of(e.courses);
   // Measured, and between measured ones: there the larger neighbour counts where levels scatter widely.
   constexpr double wide = 0.5;
-  for (std::size_t i = 0; !e.courses.empty() && i < votes.size(); ++i) {
+  for (std::size_t i = 0; i < votes.size(); ++i) {
     if (votes[i]->level > last) break;
     at(votes[i]->level) = {votes[i]->log2_second, votes[i]->error};
     if (i + 1 == votes.size()) continue;

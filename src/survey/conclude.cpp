@@ -151,16 +151,24 @@ class Conclusion {
   // The time of a draw grows and its stated work does not: pilot and PMF would spend what they do not count.
   void slow_draws() {
     constexpr double least_time = 1e-5;  // of a draw: below, the clock tells little
+    constexpr double enough_time = 0.01;  // of all draws of a level, of two levels: a busy machine pauses, too
     constexpr std::int64_t span = 4;
     constexpr double factor = 8;
+    if (survey_.rows.size() < 2) return;
     const SurveyRow& last = survey_.rows.back();
-    if (!(last.seconds > least_time)) return;
+    const SurveyRow& previous = survey_.rows[survey_.rows.size() - 2];
+    for (const SurveyRow* row : {&last, &previous}) {
+      if (!(row->seconds > least_time) || !(row->seconds * static_cast<double>(row->draws) > enough_time)) return;
+    }
     for (const SurveyRow& row : survey_.rows) {
       if (row.level == 0 || row.level + span > last.level) continue;
       const double work =
           std::max(last.difference_work, last.value_work) / std::max(row.difference_work, row.value_work);
       const double time = last.seconds / std::max(row.seconds, 1e-8);
       if (!(time > factor * work)) continue;
+      const double before =
+          std::max(previous.difference_work, previous.value_work) / std::max(row.difference_work, row.value_work);
+      if (!(previous.seconds / std::max(row.seconds, 1e-8) > factor / 2 * before)) continue;
       remark(WarningCode::unexplained_time,
              "a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
                  " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
@@ -175,6 +183,7 @@ class Conclusion {
     auto& rows = survey_.rows;
     double worst = 0;
     std::int64_t where = 0;
+    std::int64_t unknown = -1;  // the deepest level without a comparison
     for (std::size_t i = 1; i < rows.size(); ++i) {
       SurveyRow& row = rows[i];
       if (rows[i - 1].level + 1 != row.level || rows[i - 1].level < survey_.evidence.lowest_base) continue;
@@ -183,16 +192,24 @@ class Conclusion {
         const double gap = row.coarse[c].mean - below.mean;
         const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
         const double z = gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
+        if (!std::isfinite(z)) {  // values that are not finite, or their squares
+          unknown = row.level;
+          continue;
+        }
         if (!(std::abs(z) <= std::abs(row.consistency))) row.consistency = z;
       }
-      if (!(std::abs(row.consistency) > worst) && !std::isnan(row.consistency)) continue;
+      if (!(std::abs(row.consistency) > worst)) continue;
       worst = std::abs(row.consistency);
       where = row.level;
     }
-    if (worst <= 4.5) return;  // NaN does not pass
+    if (unknown >= 0) {
+      remark(WarningCode::coupling_unchecked,
+             "values of level " + std::to_string(unknown) +
+                 ", or of the level below, have no finite mean or variance in these draws: their coupling is not checked");
+    }
+    if (worst <= 4.5) return;
     remark(WarningCode::coupling,
-           "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) +
-               (std::isnan(worst) ? " (some value is no number" : " (z = " + text_of(worst)) +
+           "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
                "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
                "from it is biased");
   }
@@ -357,6 +374,7 @@ class Conclusion {
       return f ? f->line.chi_square / f->line.degrees : std::numeric_limits<double>::infinity();
     };
     const bool is_polynomial = p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
+    if (!g && !p && stepwise(decay == Decay::geometric ? geometric : polynomial)) return;
     if (decay == Decay::geometric && is_polynomial) {
       survey_.rates.work_growth = {0, 0};  // no power of 2 at all
     } else if (decay == Decay::polynomial && is_polynomial) {
@@ -366,6 +384,15 @@ class Conclusion {
     } else {
       survey_.rates.work_growth = {std::numeric_limits<double>::quiet_NaN(), 0};
     }
+  }
+
+  // Work that grows in steps lies on no line: its trend, with what it scatters around it.
+  bool stepwise(const Points& points) {
+    if (points.x.size() < fewest_scattered) return false;
+    const std::vector<double> equal(points.x.size(), 1.0);
+    const Line line = fit_line(points.x, points.y, equal);
+    survey_.rates.work_growth = {line.slope, line.slope_error * std::sqrt(line.chi_square / line.degrees)};
+    return true;
   }
 
   void pre_asymptotic(std::size_t first_fitted) {

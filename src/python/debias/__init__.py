@@ -526,9 +526,9 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
 
 
 def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Seed = 1,
-           threads: Number = 0, progress: Progress = None) -> Report:
-    """Measures the levels: how differences decay, how work grows, and whether a PMF exists."""
-    options = _options(levels=levels, samples=samples, seed=_seed(seed), threads=threads)
+           threads: Number = 0, first: Number = 0, progress: Progress = None) -> Report:
+    """Measures the levels from `first` on: how differences decay, how work grows, and whether a PMF exists."""
+    options = _options(levels=levels, first=first, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
         return Report(*_debias.survey(_problem(problem), options, bar))
 
