@@ -5,7 +5,7 @@
 #include <ostream>
 #include <string_view>
 
-#include <debias/estimators/stratified.hpp>
+#include <debias/core/estimator.hpp>
 
 #include "describe.hpp"
 #include "store.hpp"
@@ -52,7 +52,7 @@ Node describe_goal(const Statistics& s) {
 RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, std::int64_t block) {
   const std::int64_t samples = debias::detail::whole_blocks(asked, block);
   if (!shard) return {0, samples};
-  const std::int64_t chunk = block > 1 ? chunk_of_blocks(block) : default_chunk;
+  const std::int64_t chunk = block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk;
   const std::int64_t chunks = (samples - 1) / chunk + 1;
   const auto [i, n] = *shard;
   const auto cut = [&, n = n](std::int64_t k) {

@@ -342,7 +342,7 @@ class Measurement {
             .method = Method::single_term, .pmf = default_pmf(p), .base_level = p.lowest_base, .block = block};
         for (const std::int64_t n : {1000, 4096, 4097, 50'000, 100'000}) {
           const std::int64_t samples = std::max<std::int64_t>(n / block, 2) * block;
-          const std::int64_t chunk = block > 1 ? chunk_of_blocks(block) : default_chunk;
+          const std::int64_t chunk = block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk;
           const auto run = [&](std::int64_t first, std::int64_t count, int threads) {
             return Result<double>(
                 p.run(choice, {.samples = count, .seed = plan_.seed, .first = first, .threads = threads}), 0.0);

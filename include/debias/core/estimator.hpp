@@ -9,6 +9,8 @@
 // The record sees (level, scalar of the unweighted difference, work); the base has a row of its own. A sample's
 // `level` is the deepest it touched, its `work` the sum over everything it drew.
 
+#include <algorithm>
+#include <bit>
 #include <concepts>
 #include <cstdint>
 #include <stdexcept>
@@ -86,6 +88,14 @@ concept StatesBlock = requires(const E& e) {
 
 /// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.
 inline constexpr std::int64_t default_chunk = 512;
+
+namespace detail {
+/// Of so large blocks: about 1024 samples.
+inline std::int64_t chunk_of_blocks(std::int64_t block) {
+  const std::uint64_t blocks = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block));
+  return block * std::clamp<std::int64_t>(static_cast<std::int64_t>(blocks), 1, default_chunk);
+}
+}  // namespace detail
 
 /// An estimator whose samples need chunks of another size: a power of two of its blocks, the same for every run of the
 /// estimator.

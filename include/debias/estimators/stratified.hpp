@@ -64,12 +64,6 @@ concept DrawsMembers = requires(const E& e, std::int64_t level, const Members& m
 };
 }  // namespace detail
 
-/// Samples of a chunk of so large blocks.
-inline std::int64_t chunk_of_blocks(std::int64_t block) {
-  const std::uint64_t blocks = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block));
-  return block * std::clamp<std::int64_t>(static_cast<std::int64_t>(blocks), 1, default_chunk);
-}
-
 /// An estimator in blocks; Sample::value is the mean of a block, Sample::work its total.
 template <StratifiableEstimator E>
 class Stratified {
@@ -97,7 +91,7 @@ class Stratified {
   [[nodiscard]] std::int64_t block() const { return block_; }
   [[nodiscard]] const std::string& name() const requires HasName<E> { return estimator_.name(); }
   /// Samples of a chunk: about 1024, in whole blocks.
-  [[nodiscard]] std::int64_t chunk() const { return chunk_of_blocks(block_); }
+  [[nodiscard]] std::int64_t chunk() const { return detail::chunk_of_blocks(block_); }
   /// Strata change nothing of how likely a member reaches a level.
   [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> {
     Reach reach = estimator_.reach(last);
