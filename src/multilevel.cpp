@@ -332,8 +332,9 @@ class Driver {
     result.warnings = warnings_;
     if (std::all_of(levels_.begin(), levels_.end(), [](const Level& level) { return level.second == 0; })) {
       result.warnings.push_back(
-          "all draws are zero, so the goal is not met: a value that comes up less than three times in " +
-          std::to_string(pilots_.front().draws) + " draws would not have been seen.");
+          {WarningCode::equal_samples,
+           "all draws are zero, so the goal is not met: a value that comes up less than three times in " +
+               std::to_string(pilots_.front().draws) + " draws would not have been seen."});
     }
     result.components.resize(levels_.front().components.size());
     std::vector<double> x;
