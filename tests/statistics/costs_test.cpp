@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <string>
 
 #include "catch_shim.hpp"
@@ -52,7 +53,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 }  // namespace
 
 TEST_CASE("a sequence that does not state its work is told to, early", "[evidence][inputs][pilot]") {
-  const auto start = std::chrono::steady_clock::now();
+  const std::clock_t start = std::clock();  // of the processor: other work of the machine does not count
   const auto said = [](const auto& sequence, const Plan& plan) {
     std::string all;
     try {
@@ -69,7 +70,7 @@ TEST_CASE("a sequence that does not state its work is told to, early", "[evidenc
   const LevelRuns flat = level_runs(MeanTo{2, false});
   const Plan plan{.samples = 1 << 22};
   CHECK_THROWS_WITH(advise(flat, plan, {.lowest_base = 14}), Catch::Contains("state the work"));
-  CHECK(seconds_since(start) < 60);  // seconds on a machine of its own; there was no end
+  CHECK(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC < 20);  // there was no end
   // Power: with its work stated it is an estimate.
   const auto r = estimate(recipe(MeanTo{2, true}), {.samples = 1 << 13, .seed = 3});
   CHECK(std::abs(r.mean - 1) < 4.5 * r.standard_error);
@@ -85,14 +86,13 @@ TEST_CASE("work that hardly shows in the time is not accused", "[evidence][input
   CHECK_NOTHROW(estimate(recipe(cheap), {.samples = 1 << 12}));
   // A first draw that takes long, once.
   bool first = true;
-  const auto start = std::chrono::steady_clock::now();
   LevelRuns runs = level_runs(MeanTo{2, true});
   const auto work = runs.work;
   runs.work = [&](std::int64_t level, const Plan& plan) {
     if (level == 6 && std::exchange(first, false)) {
-      double sum = 0;
-      while (seconds_since(start) < 0.2) sum += 1;
-      CHECK(sum > 0);
+      const auto start = std::chrono::steady_clock::now();
+      while (seconds_since(start) < 0.2) {
+      }
     }
     return work(level, plan);
   };
