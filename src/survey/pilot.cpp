@@ -51,7 +51,7 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
   };
   double seconds = timed();
   const auto is_explained = [&] {
-    if (plan_.ranks != nullptr || seconds < enough_time) return true;
+    if (plan_.ranks.size() > 1 || seconds < enough_time) return true;
     for (const auto& [k, before] : seconds_of_) {
       if (k == 0 || k + rising > level) continue;
       const double work = of_both(work_of_.at(level)) / of_both(work_of_.at(k));
