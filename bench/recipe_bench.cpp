@@ -23,7 +23,7 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
     const Plan plan{.seed = ++seed, .threads = 1, .goal = {.error = error}};
     const Advice advice = advise(problem.levels, plan, {.lowest_base = problem.lowest_base});
     const catalog::Method method =
-        advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
+        advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
     const Statistics s = problem.run(
         {method, advice.pmf, advice.base_level, "", advice.block},
         {.samples = advice.members, .seed = seed, .threads = 1, .pilot = {advice.pilot_work, advice.pilot_seconds}});

@@ -37,7 +37,7 @@ void register_comparisons(double tau) {
   const auto series = taylor(x, exp_minus, a);
   const std::string where = std::string("/") + F::name + "/tau_" + std::to_string(static_cast<int>(tau));
   const int k = static_cast<int>(poisson_quantile(a, 0.99));
-  register_comparison("ratio_tracking" + where, single_term(series, Poisson(a), {.base = Base::drawn}),
+  register_comparison("ratio_tracking" + where, single_term(series, Poisson(a), {.base = Base::one_outcome}),
                       [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); });
   register_comparison("p_series_cumulative" + where, roulette(series, RunningWeight(std::exp(-a))),
                       [f, a](Stream& n, Stream& at) { return plain::p_series_cumulative(f, a, n, at); });
@@ -59,7 +59,7 @@ Cell ratio_tracking(const F& f, double truth) {  // in closed form: it needs mor
   }
   const double a = f.bound;
   const auto x = [f](Stream& rng) { return f(rng.uniform()); };
-  const auto e = single_term(taylor(x, exp_minus, a), Poisson(a), {.base = Base::drawn});
+  const auto e = single_term(taylor(x, exp_minus, a), Poisson(a), {.base = Base::one_outcome});
   const auto plain = [f, a](Stream& n, Stream& at) { return plain::ratio_tracking(f, a, n, at); };
   return {"ratio tracking", std::expm1(-a + a * second - 2 * std::log(truth)), 0, a, time_against(e, plain, 25)};
 }

@@ -24,7 +24,8 @@ struct MethodName {
 
 constexpr std::array method_names = {
     MethodName{Method::single_term, "single_term", "base and one weighted difference, both in every sample"},
-    MethodName{Method::single_term_drawn, "single_term_drawn", "one weighted difference, the base being one outcome"},
+    MethodName{Method::single_term_outcome, "single_term_outcome",
+               "one weighted difference, the base being one outcome"},
     MethodName{Method::independent_sum, "independent_sum", "all levels up to a random one, independent of each other"},
     MethodName{Method::roulette, "roulette", "the terms of a series in order, up to a random one"},
     MethodName{Method::truncated, "truncated", "the biased baseline: one level, cut off there"},

@@ -24,9 +24,9 @@
 
 namespace debias::catalog {
 
-enum class Method { single_term, single_term_drawn, independent_sum, roulette, truncated };
+enum class Method { single_term, single_term_outcome, independent_sum, roulette, truncated };
 
-/// single_term, single_term_drawn, ... as the command line spells them.
+/// single_term, single_term_outcome, ... as the command line spells them.
 std::string_view name_of(Method method);
 std::string_view describe(Method method);
 /// Throws std::invalid_argument, with the nearest name, for a word that is no estimator.

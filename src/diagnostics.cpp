@@ -73,12 +73,12 @@ std::string with_error_of(const FittedRate& rate) {
 
 }  // namespace
 
-MeasuredVerdict judge(const MeasuredRates& measured, const TailExponent& pmf) {
+MeasuredFiniteness judge(const MeasuredRates& measured, const TailExponent& pmf) {
   const Rates rates = rates_of(measured);
   const double rho = exponent_beside(rates, pmf);
   const bool polynomial = rates.decay == Decay::polynomial;
   const double step = polynomial ? 1 : 0;
-  MeasuredVerdict v;
+  MeasuredFiniteness v;
   v.variance = finite_below(rho, measured.variance_decay.value - step, measured.variance_decay.error);
   v.fourth_moment = finite_below(3 * rho, measured.fourth_decay.value - step, measured.fourth_decay.error);
   const bool decided = measured.kind != RateKind::super_exponential || std::isfinite(rho);
@@ -186,10 +186,10 @@ Interval batch_interval(std::span<const double> batch_means, double confidence) 
   return interval_of(moments, confidence);
 }
 
-Verdict judge(const Rates& rates, const TailExponent& pmf) {
+DeclaredFiniteness judge(const Rates& rates, const TailExponent& pmf) {
   const ExponentRange range = finite_exponents(rates);
   const double rho = exponent_beside(rates, pmf);
-  Verdict v;
+  DeclaredFiniteness v;
   v.finite_variance = std::isinf(rates.variance_decay) || rho < range.high;
   // Beside geometric rates a power law reaches every depth too often, unless the work does not grow.
   v.finite_work = rho > range.low || (rates.decay == Decay::geometric && rates.work_growth <= 0);

@@ -40,7 +40,7 @@ struct Level {
   std::vector<Moments> coarse;  // of its coarse partner
 
   void add(const Statistics& s) {
-    // Components of I_l, of its coarse partner and of D_l, then a flag: see Several.
+    // Components of I_l, of its coarse partner and of D_l, then a flag: see ValueTuple.
     const std::size_t each = (s.components.size() - 1) / 3;
     const auto n = static_cast<double>(s.samples);
     const auto merge = [&](std::size_t part, std::vector<Moments>& into) {

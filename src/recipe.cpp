@@ -93,12 +93,12 @@ class Choice {
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
       if (!has_moments(m)) continue;
       if (m > lowest && exhausted(m) && exhausted(m - 1)) break;
-      for (const Base base : {Base::always, Base::drawn}) {
+      for (const Base base : {Base::every_sample, Base::one_outcome}) {
         if (options_.base && *options_.base != base) continue;
-        const Setup setup{m, base, advice_.block};
-        const TermMoments moments = moments_of(setup, shared_share);
-        const AnyPmf pmf = pmf_of(setup, moments);
-        const bool is_drawable = drawable(pmf, setup);
+        const SingleTermForm form{m, base, advice_.block};
+        const TermMoments moments = moments_of(form, shared_share);
+        const AnyPmf pmf = pmf_of(form, moments);
+        const bool is_drawable = drawable(pmf, form);
         if (found_drawable && !is_drawable) continue;
         found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
         const double product = price_of(moments, pmf);
@@ -108,7 +108,7 @@ class Choice {
         found = true;
         found_drawable = is_drawable;
         best = product;
-        chosen_ = setup;
+        chosen_ = form;
       }
     }
     if (found) conclude(finally ? 1 : shared_share);
@@ -166,37 +166,37 @@ class Choice {
     return next.second_moment < negligible * (next.mean * next.mean + next.variance);
   }
 
-  [[nodiscard]] TermMoments moments_of(const Setup& setup, double share) const {
-    return term_moments(runs_, survey_, model_, setup, plan_, share);
+  [[nodiscard]] TermMoments moments_of(const SingleTermForm& form, double share) const {
+    return term_moments(runs_, survey_, model_, form, plan_, share);
   }
 
   // A run of that many members is allowed to take the PMF, see core/reach.hpp.
-  [[nodiscard]] bool drawable(const AnyPmf& pmf, const Setup& setup) const {
+  [[nodiscard]] bool drawable(const AnyPmf& pmf, const SingleTermForm& form) const {
     struct Levels {
       std::int64_t deepest;
       [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
     };
-    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, pmf, setup.base_level, setup.first_level());
+    const Reach reach = detail::reach_of(Levels{runs_.deepest_level}, pmf, form.base_level, form.first_level());
     return reach.beyond <= allowed_beyond_;
   }
 
   // The best PMF, or the one next to it that can be drawn, if one of finite variance can.
-  AnyPmf pmf_of(const Setup& setup, const TermMoments& all, double* price = nullptr) const {
+  AnyPmf pmf_of(const SingleTermForm& form, const TermMoments& all, double* price = nullptr) const {
     const double exponent = tail_exponent_for(survey_);
-    const auto with = pmfs_of(setup, all);
+    const auto with = pmfs_of(form, all);
     const AnyPmf best = with(exponent);
-    if (drawable(best, setup)) return best;
+    if (drawable(best, form)) return best;
     const double bound = range().high;
     double high = std::isfinite(bound) ? exponent + steepest * (bound - exponent) : std::max(40.0, exponent);
-    if (!(high > exponent) || !drawable(with(high), setup)) {
+    if (!(high > exponent) || !drawable(with(high), form)) {
       if (!survey_.evidence.polynomial || is_established()) return best;  // the run will be refused
       // A power of 2 explains the levels, too.
-      const AnyPmf other = tables_of(setup, all)(geometric_exponent());
-      return drawable(other, setup) ? other : best;
+      const AnyPmf other = tables_of(form, all)(geometric_exponent());
+      return drawable(other, form) ? other : best;
     }
     for (double low = exponent; high - low > 1e-3;) {
       const double middle = (low + high) / 2;
-      (drawable(with(middle), setup) ? high : low) = middle;
+      (drawable(with(middle), form) ? high : low) = middle;
     }
     const AnyPmf pmf = with(high);
     if (price != nullptr) *price = with_rest(all, pmf) / with_rest(all, best);
@@ -204,9 +204,10 @@ class Choice {
   }
 
   // The PMF for an exponent of its tail.
-  [[nodiscard]] std::function<AnyPmf(double exponent)> pmfs_of(const Setup& setup, const TermMoments& all) const {
+  [[nodiscard]] std::function<AnyPmf(double exponent)> pmfs_of(const SingleTermForm& form,
+                                                               const TermMoments& all) const {
     if (survey_.evidence.polynomial) return [](double exponent) { return AnyPmf(Zeta(exponent)); };
-    return tables_of(setup, all);
+    return tables_of(form, all);
   }
 
   // A power of the level, and nothing else.
@@ -225,11 +226,12 @@ class Choice {
     return std::max(least, count > 0 ? sum / count / 2 : least);
   }
 
-  [[nodiscard]] std::function<AnyPmf(double exponent)> tables_of(const Setup& setup, const TermMoments& all) const {
+  [[nodiscard]] std::function<AnyPmf(double exponent)> tables_of(const SingleTermForm& form,
+                                                                 const TermMoments& all) const {
     TermMoments t = all;
-    auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - setup.first_level()) + levels_beyond;
+    auto outcomes = static_cast<std::size_t>(survey_.rows.back().level + 1 - form.first_level()) + levels_beyond;
     // The table ends at the deepest level: what lies beyond is the tail's.
-    const std::int64_t drawn = runs_.deepest_level - setup.first_level() + 1;
+    const std::int64_t drawn = runs_.deepest_level - form.first_level() + 1;
     if (drawn > 0) outcomes = std::min(outcomes, static_cast<std::size_t>(drawn));
     for (std::vector<double>* v : {&t.variance, &t.mean_square, &t.work, &t.base_variance, &t.covariance}) {
       v->resize(std::min(v->size(), outcomes));
@@ -240,18 +242,19 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    return [this, &all, setup, best = best_masses(t)](double exponent) {
-      return fair_or_fastest(all, best, exponent, setup);
+    return [this, &all, form, best = best_masses(t)](double exponent) {
+      return fair_or_fastest(all, best, exponent, form);
     };
   }
 
-  AnyPmf fair_or_fastest(const TermMoments& all, std::vector<double> best, double exponent, const Setup& setup) const {
+  AnyPmf fair_or_fastest(const TermMoments& all, std::vector<double> best, double exponent,
+                         const SingleTermForm& form) const {
     // Falling no faster than the tail, the masses leave the fourth moment finite where that is possible.
     std::vector<double> even = best;
-    const std::size_t free = setup.base == Base::drawn ? 2 : 1;
+    const std::size_t free = form.base == Base::one_outcome ? 2 : 1;
     for (std::size_t j = free; j < even.size(); ++j) even[j] = std::max(even[j], even[j - 1] * std::exp2(-exponent));
-    give_draws(all.work, free, setup, best);
-    give_draws(all.work, free, setup, even);
+    give_draws(all.work, free, form, best);
+    give_draws(all.work, free, form, even);
     const AnyPmf fastest = tabulated(best, exponent);
     const AnyPmf fair = tabulated(even, exponent);
     return predict(all, fair).product() <= price_of_fourth * predict(all, fastest).product() ? fair : fastest;
@@ -259,7 +262,7 @@ class Choice {
 
   // A level with a mass of less than one draw is missing from most runs, whose error then is its mean. So each level that
   // was measured gets some draws, as far as they cost next to nothing.
-  void give_draws(const std::vector<double>& work, std::size_t free, const Setup& setup,
+  void give_draws(const std::vector<double>& work, std::size_t free, const SingleTermForm& form,
                   std::vector<double>& masses) const {
     if (advice_.members <= 0) return;
     double total = 0;
@@ -267,7 +270,7 @@ class Choice {
     for (std::size_t j = 0; j < masses.size(); ++j) total += masses[j];
     for (std::size_t j = 0; j < masses.size(); ++j) work_of_member += masses[j] / total * work[j];
     for (std::size_t j = free; j < masses.size(); ++j) {
-      const SurveyRow* measured = survey_.row_at(setup.first_level() + static_cast<std::int64_t>(j));
+      const SurveyRow* measured = survey_.row_at(form.first_level() + static_cast<std::int64_t>(j));
       if (measured == nullptr || !(measured->second_moment > 0)) continue;
       const double least =
           std::min(enough_draws / static_cast<double>(advice_.members), cheap * work_of_member / work[j]);
@@ -287,7 +290,7 @@ class Choice {
     const TermMoments moments = moments_of(chosen_, share);
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
-    advice_.shares_base = chosen_.base == Base::always && runs_.shared;
+    advice_.shares_base = chosen_.base == Base::every_sample && runs_.shared;
     advice_.price = 1;
     advice_.pmf = pmf_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.pmf.tail_exponent();
@@ -308,7 +311,7 @@ class Choice {
   const Survey& survey_;
   LevelModel model_;
   double allowed_beyond_;
-  Setup chosen_;
+  SingleTermForm chosen_;
 };
 
 double fewest_blocks_of(const Advice& advice) { return advice.runs_together ? fewest_together : fewest_blocks; }
@@ -357,7 +360,7 @@ double wanted_members(const Advice& advice, const Plan& plan) {
 }
 
 std::string levels_text(const Evidence& e) {
-  return e.first_vote < 0 ? "no level" : levels_words(e.first_vote, e.last_vote);
+  return e.first_usable < 0 ? "no level" : levels_words(e.first_usable, e.last_usable);
 }
 
 Decay unit_of(const Evidence& e) { return e.polynomial ? Decay::polynomial : Decay::geometric; }
@@ -418,7 +421,7 @@ void describe(Advice& a) {
   }
   const char* form = a.shares_base
                          ? ", made of the draws of the difference"
-                         : (a.base == Base::drawn ? ", one outcome of the PMF" : ", evaluated in every sample");
+                         : (a.base == Base::one_outcome ? ", one outcome of the PMF" : ", evaluated in every sample");
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
                         (a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                      : std::string("independent samples, too few for strata")));
@@ -431,7 +434,7 @@ void describe(Advice& a) {
                   " times the bound (sum of sqrt(Var D work))^2 = " + format("%.3g", a.bound) +
                   (a.shares_base || together ? " of draws that share nothing" : "");
   }
-  if (together) efficiency += " and are not stratified by their first number";
+  if (together) efficiency += " and are not stratified by their first uniform";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments = decay_words("the tail of the PMF", {rho, 0}, a.exponent.decay);
@@ -527,7 +530,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
     pilot.grow(budget, deepest);
     const auto choose = [&](bool budget_spent, bool finally) {
       Advice next;
-      next.survey = pilot.concluded(budget_spent);
+      next.survey = pilot.survey(budget_spent);
       next.facts = runs.facts;
       if (next.survey.rows.back().level < lowest + 2) {
         throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
@@ -624,8 +627,8 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
     print_line(out, "pmf", advice.pmf.spec());
     print_line(out, "base",
                "level " + std::to_string(advice.base_level) +
-                   (advice.base == Base::drawn ? ", one outcome of the PMF" : ", in every sample") + "; blocks of " +
-                   std::to_string(advice.block));
+                   (advice.base == Base::one_outcome ? ", one outcome of the PMF" : ", in every sample") +
+                   "; blocks of " + std::to_string(advice.block));
     print_line(out, "predicted",
                "variance " + format("%.3g", advice.predicted.variance) + " x work " +
                    format("%.4g", advice.predicted.work) +

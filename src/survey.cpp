@@ -99,7 +99,7 @@ SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double
       }
     }
   }
-  row.votes = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
+  row.usable = row.kurtosis > 0 && n >= draws_per_kurtosis * row.kurtosis;
   row.seconds = s.seconds / n;
   row.fewer_threads = s.fewer_threads;
   std::tie(row.value_work, row.difference_work) = work;
@@ -144,7 +144,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   }
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
-  Survey result = conclude(std::move(rows), plan.seed, runs.facts);
+  Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {
     result.remarks.push_back({WarningCode::interrupted, "interrupted: " + std::to_string(complete) + " of " +
@@ -201,7 +201,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
       break;
     }
   }
-  return conclude(std::move(rows), plan.seed, runs.facts);
+  return survey_of(std::move(rows), plan.seed, runs.facts);
 }
 
 namespace {
@@ -230,7 +230,7 @@ std::string number(detail::NumberPattern pattern, double x) {
 
 std::string mark_of(const SurveyRow& r) {
   if (r.fitted) return "*";
-  return r.second_moment == 0 ? "zeros" : r.votes ? "" : "few draws";
+  return r.second_moment == 0 ? "zeros" : r.usable ? "" : "few draws";
 }
 
 void print_answer(std::ostream& out, const Survey& survey) {

@@ -202,4 +202,4 @@ check "survey keeps its finished levels" has 'interrupted' survey.out
 check "tradeoff keeps its finished points" [ "$(lines tradeoff.out)" -ge 2 ]
 for name in picture photons; do check "an image of $name" has PNG $name.png; done
 
-conclude
+end_checks

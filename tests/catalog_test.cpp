@@ -76,7 +76,7 @@ TEST_CASE("every PMF that validation chooses has finite variance and finite work
       const Rates rates = rates_of(p, choice.method);
       CAPTURE(p.id, name_of(choice), choice.pmf.spec());
       if (!pmf_exists(rates)) continue;
-      const Verdict v = judge(rates, choice.pmf.tail_exponent());
+      const DeclaredFiniteness v = judge(rates, choice.pmf.tail_exponent());
       CHECK(v.finite_variance);
       CHECK(v.finite_work);
     }

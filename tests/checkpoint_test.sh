@@ -196,4 +196,4 @@ check "a command is not overwritten" refused_by 5 "debias resume v" validate A01
 check "nor is another one" refused_by 5 "another command" validate A01 --checkpoint v
 check "hard cases keep nothing" refused_by 2 "leave it out" validate --hard --checkpoint h
 check "a shard without a file" refused_by 2 "write --checkpoint" run A03 --shard 1/2
-conclude
+end_checks

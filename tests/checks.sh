@@ -2,7 +2,7 @@
 #   check WHAT COMMAND...    the command must succeed, else one line says what failed
 #   same, lines, has, lacks  such commands
 #   refused_by CODE WORD COMMAND...   `debias COMMAND...`: that exit code, nothing on stdout, a line with WORD on stderr
-#   conclude                 prints the number of checks; fails if one did
+#   end_checks               prints the number of checks; fails if one did
 set -u
 [ $# -eq 1 ] || { echo "usage: sh $0 PROGRAM" >&2; exit 2; }
 case $1 in
@@ -35,7 +35,7 @@ refused_by() {
   check "one line on stderr of: debias $*" same "$(lines err)" 1
   check "helpful line of: debias $*" has "^debias: .*$word" err
 }
-conclude() {
+end_checks() {
   echo "$((checks - failed)) of $checks checks passed"
   [ "$failed" -eq 0 ]
 }

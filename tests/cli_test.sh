@@ -180,7 +180,7 @@ check "another JSON for another seed" eval '! cmp -s one many'
 # value_of KEY: of a JSON text with one key per line, the first one
 value_of() { sed -n "s/^ *\"$1\": \(.*[^,]\),*\$/\1/p" | head -n 1; }
 for options in '' '--block 16 --pmf geometric:r=0.6' '--estimator independent_sum --pmf geometric:r=0.6' \
-  '--estimator single_term_drawn --base-level 2'; do
+  '--estimator single_term_outcome --base-level 2'; do
   "$debias" run A01 $options --samples 5000 --seed 9 --json > run.json
   sed -n '/"largest"/,$p' run.json > largest
   sample=$(value_of index < largest)
@@ -305,4 +305,4 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   check "valid JSON lines: validate --hard" python3 -c "$strict" lines < hard.jsonl 2> err
 fi
 
-conclude
+end_checks

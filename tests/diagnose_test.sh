@@ -259,4 +259,4 @@ head -c 100000000 /dev/zero | (ulimit -v "$memory" && "$debias" diagnose - > out
 check "a row of 100 MB in little memory" same $? 5
 check "and it is named" has 'row 1: longer than' err
 
-conclude
+end_checks

@@ -23,13 +23,13 @@ constexpr TailExponent power_law(double s) { return {s, Decay::polynomial}; }
 }  // namespace
 
 TEST_CASE("r = 0.65 at variance rate 2 and work rate 1: finite, with tail index 0.340", "[diagnostics][exact]") {
-  const Verdict v = judge({2, 1}, Geometric(0.65).tail_exponent());
+  const DeclaredFiniteness v = judge({2, 1}, Geometric(0.65).tail_exponent());
   CHECK(v.finite_variance);
   CHECK(v.finite_work);
   CHECK(std::abs(v.tail_index - 0.340) < 5e-4);
   CHECK_THAT(v.sentence, Catch::Contains("variance finite") && Catch::Contains("work finite") &&
                              Catch::Contains("tail index 0.34") && Catch::Contains("fourth moment is infinite"));
-  const Verdict lighter = judge({2, 1}, Geometric(0.60).tail_exponent());
+  const DeclaredFiniteness lighter = judge({2, 1}, Geometric(0.60).tail_exponent());
   CHECK(std::abs(lighter.tail_index - 0.244) < 5e-4);
   CHECK_THAT(lighter.sentence, !Catch::Contains("fourth"));
 }
@@ -74,7 +74,7 @@ TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[d
   for (const Decay decay : {Decay::geometric, Decay::polynomial}) {
     for (const double variance : {0.5, 1.0, 2.0, 4.0}) {
       for (int i = 9; i < 64; ++i) {  // a power law has an exponent above 1
-        const Verdict v = judge({variance, 1, decay}, {i / 8.0, decay});
+        const DeclaredFiniteness v = judge({variance, 1, decay}, {i / 8.0, decay});
         REQUIRE(v.finite_variance == (v.tail_index < 0.5));
         REQUIRE(v.tail_index >= 0);
       }
@@ -84,13 +84,13 @@ TEST_CASE("the variance is finite exactly when the tail index is below 1/2", "[d
 
 TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric PMF never", "[diagnostics][exact]") {
   const Rates rates{4, 0, Decay::polynomial};
-  const Verdict good = judge(rates, Zeta(2).tail_exponent());
+  const DeclaredFiniteness good = judge(rates, Zeta(2).tail_exponent());
   CHECK(good.finite_variance);
   CHECK(good.finite_work);
   CHECK(good.tail_index == 0);  // D_k / p_k is bounded
   CHECK(judge(rates, Zeta(2.5).tail_exponent()).tail_index == Approx(1.0 / 3));
   CHECK_FALSE(judge(rates, Zeta(3).tail_exponent()).finite_variance);
-  const Verdict steep = judge(rates, Geometric(0.5).tail_exponent());
+  const DeclaredFiniteness steep = judge(rates, Geometric(0.5).tail_exponent());
   CHECK_FALSE(steep.finite_variance);
   CHECK(steep.finite_work);
   CHECK(steep.tail_index == 1);
@@ -98,11 +98,11 @@ TEST_CASE("zeta(2) by its terms: a power law between 1 and 3, a geometric PMF ne
 
 TEST_CASE("a power law is too flat for growing work, a Poisson law too steep for geometric differences",
           "[diagnostics][exact]") {
-  const Verdict flat = judge({2, 1}, Zeta(2.5).tail_exponent());
+  const DeclaredFiniteness flat = judge({2, 1}, Zeta(2.5).tail_exponent());
   CHECK(flat.finite_variance);
   CHECK_FALSE(flat.finite_work);
   CHECK(judge({2, 0}, Zeta(2.5).tail_exponent()).finite_work);
-  const Verdict steep = judge({2, 1}, Poisson(3).tail_exponent());
+  const DeclaredFiniteness steep = judge({2, 1}, Poisson(3).tail_exponent());
   CHECK_FALSE(steep.finite_variance);
   CHECK(steep.finite_work);
   CHECK(steep.tail_index == 1);
@@ -110,21 +110,21 @@ TEST_CASE("a power law is too flat for growing work, a Poisson law too steep for
 
 TEST_CASE("differences that end bring a finite variance under every PMF", "[diagnostics][exact]") {
   for (const TailExponent& pmf : {TailExponent{1.5}, power_law(3), TailExponent{forever}}) {
-    const Verdict v = judge({Rates::faster_than_any, 1}, pmf);
+    const DeclaredFiniteness v = judge({Rates::faster_than_any, 1}, pmf);
     CHECK(v.finite_variance);
     CHECK(v.tail_index == 0);
   }
 }
 
 TEST_CASE("rates cannot tell what falls faster than any rate from another such thing", "[diagnostics][exact]") {
-  const Verdict v = judge({Rates::faster_than_any, 0}, Poisson(3).tail_exponent());
+  const DeclaredFiniteness v = judge({Rates::faster_than_any, 0}, Poisson(3).tail_exponent());
   CHECK_FALSE(v.decided);
   CHECK_THAT(v.sentence,
              Catch::Contains("undecided by rates") && Catch::Contains("sum E D_k^2 / p_k") && !Catch::Contains("inf"));
-  const Verdict geometric = judge({Rates::faster_than_any, 0}, Geometric(0.5).tail_exponent());
+  const DeclaredFiniteness geometric = judge({Rates::faster_than_any, 0}, Geometric(0.5).tail_exponent());
   CHECK(geometric.decided);
   CHECK_THAT(geometric.sentence, Catch::Contains("variance finite (PMF exponent 1 < faster than any)"));
-  const Verdict steep = judge({2, 1}, Poisson(3).tail_exponent());
+  const DeclaredFiniteness steep = judge({2, 1}, Poisson(3).tail_exponent());
   CHECK(steep.decided);
   CHECK_THAT(steep.sentence, Catch::Contains("INFINITE (PMF exponent faster than any >= 2)"));
 }
@@ -134,7 +134,7 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
     return MeasuredRates{kind, {beta / 2, error}, {beta, error}, {beta4, error}, {1, 0.01}};
   };
   const TailExponent pmf{1.5};
-  const MeasuredVerdict finite = judge(measured(2, 0.1, 4), pmf);
+  const MeasuredFiniteness finite = judge(measured(2, 0.1, 4), pmf);
   CHECK(finite.variance == Finiteness::finite);
   CHECK(finite.work == Finiteness::finite);
   CHECK(finite.fourth_moment == Finiteness::infinite);  // 3 x 1.5 > 4
@@ -150,7 +150,7 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   CHECK_THAT(judge(measured(1.6, 0.1, 3.2), pmf).sentence,
              Catch::Contains("variance undecided") && Catch::Contains("1.6 +- 0.1") && Catch::Contains("survey"));
   // Power laws: finite iff rho < beta - 1, work finite iff rho > gamma + 1.
-  const MeasuredVerdict power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
+  const MeasuredFiniteness power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
   CHECK(power.variance == Finiteness::finite);
   CHECK(power.work == Finiteness::finite);
   CHECK(judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(3.05)).variance == Finiteness::undecided);
@@ -158,7 +158,7 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   CHECK(judge(measured(forever, 0, forever, RateKind::exact_zero), Poisson(1).tail_exponent()).variance ==
         Finiteness::finite);
   CHECK(judge(measured(forever, 0, forever, RateKind::super_exponential), pmf).variance == Finiteness::finite);
-  const MeasuredVerdict both =
+  const MeasuredFiniteness both =
       judge(measured(forever, 0, forever, RateKind::super_exponential), Poisson(1).tail_exponent());
   CHECK(both.variance == Finiteness::undecided);
   CHECK_THAT(both.sentence, Catch::Contains("sum E D_k^2 / p_k") && !Catch::Contains("inf"));

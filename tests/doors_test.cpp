@@ -250,12 +250,12 @@ TEST_CASE("an awkward value type goes through every estimator of a sequence", "[
   const lab::Sequence s;
   const Geometric pmf(0.4);
   CHECK(agrees(debias::estimate(debias::single_term(s, pmf), plan), 0.5, -0.5));
-  CHECK(agrees(debias::estimate(debias::single_term(s, pmf, {.base = debias::Base::drawn}), plan), 0.5, -0.5));
+  CHECK(agrees(debias::estimate(debias::single_term(s, pmf, {.base = debias::Base::one_outcome}), plan), 0.5, -0.5));
   CHECK(agrees(debias::estimate(debias::single_term(lab::Rated{}), plan), 0.5, -0.5));
   CHECK(agrees(debias::estimate(debias::single_term(lab::Sharing{}), plan), 0.5, -0.5));
   CHECK(agrees(debias::estimate(debias::independent_sum(s, pmf), plan), 0.5, -0.5));
   CHECK(agrees(debias::estimate(debias::progressive(s, pmf), plan), 0.5, -0.5));
-  CHECK(agrees(debias::estimate(debias::averaged(s, {.base_level = 30}), plan), 0.5, -0.5));
+  CHECK(agrees(debias::estimate(debias::biased_progressive(s, {.base_level = 30}), plan), 0.5, -0.5));
   CHECK(agrees(debias::estimate(debias::truncated(s, 30), plan), 0.5, -0.5));
   CHECK_FALSE(agrees(debias::estimate(debias::truncated(s, 1), plan), 0.5, -0.5));  // 0.75: a bias would be seen
   CHECK(agrees(debias::estimate(debias::stratified(debias::single_term(lab::Sharing{}, pmf), 4), plan), 0.5, -0.5));

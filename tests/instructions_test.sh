@@ -17,4 +17,4 @@ for problem in A03 A10 B01 B14 C09 D01 E02 E04 F02 H01; do
     check "$problem, block $block: the widest vectors give the bits of SSE2" cmp -s sse2 widest
   done
 done
-conclude
+end_checks

@@ -104,4 +104,4 @@ said de_DE.UTF-8 run A10 --samples 1e5 --checkpoint saved -q > out
 said '' run A10 --samples 1e5 -q | steady > expected
 said '' resume saved -q | steady > out
 check "a checkpoint of a German host is resumed by another" cmp -s expected out
-conclude
+end_checks

@@ -64,4 +64,4 @@ refused_on_ranks 2 "did you mean" run A03 --sampels 5
 PMI_SIZE=2 PMI_RANK=0 OMPI_COMM_WORLD_SIZE=2 OMPI_COMM_WORLD_RANK=0 "$debias" list > out 2> err
 check "a launcher of another MPI" same $? 2
 check "which is said" has "another MPI" err
-conclude
+end_checks

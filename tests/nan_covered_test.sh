@@ -14,7 +14,7 @@ no_callable='
  PMFs, rates: best_masses best_tails convergence_rate default_exponent finite_exponents inverse_weight
               inverse_weight_error invert_tail judge pmf_exists rates_of rates_of_sum refuse_uniform
               tail_exponent_for
- results:     batch_interval bound_of conclude fit_pareto interval_of median_of_means merge model_of name_of predict
+ results:     batch_interval bound_of survey_of fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
  statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges interval_with log2_work row_of together weigh
  files:       read_run save_run

@@ -150,7 +150,7 @@ TEST_CASE("no schedule has finite variance and finite work, and the verdict says
       CHECK_FALSE(pmf_exists(GeometricRadii{1, 1, shrink, growth}.rates()));
   }
   const GeometricRadii balanced{1, 1};
-  const Verdict v = judge(balanced.rates(), balanced.pmf().tail_exponent());
+  const DeclaredFiniteness v = judge(balanced.rates(), balanced.pmf().tail_exponent());
   CHECK_FALSE(v.finite_variance);
   CHECK(v.finite_work);
   CHECK(v.highest_moment() == Approx(3.25 / 2.25));
@@ -158,12 +158,12 @@ TEST_CASE("no schedule has finite variance and finite work, and the verdict says
 
   for (const double c : {0.0, 0.4, 0.6, 1.0, 1.2}) CHECK_FALSE(pmf_exists(AlphaRadii{1, 1, 2.0 / 3, c}.rates()));
   const AlphaRadii published{1, 1};
-  const Verdict alpha = judge(published.rates(), published.pmf().tail_exponent());
+  const DeclaredFiniteness alpha = judge(published.rates(), published.pmf().tail_exponent());
   CHECK_FALSE(alpha.finite_variance);
   CHECK(alpha.finite_work);
   CHECK(alpha.highest_moment() == Approx(1).margin(1e-3));
   const AlphaRadii other_side{1, 1, 2.0 / 3, 0.499};
-  const Verdict v2 = judge(other_side.rates(), other_side.pmf().tail_exponent());
+  const DeclaredFiniteness v2 = judge(other_side.rates(), other_side.pmf().tail_exponent());
   CHECK(v2.finite_variance);
   CHECK_FALSE(v2.finite_work);
 }

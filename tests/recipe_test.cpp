@@ -76,7 +76,7 @@ double z_of(const Statistics& s, double truth) {
 /// The run of a problem of the catalogue that follows an advice on that plan.
 Statistics run_by(const Advice& advice, const catalog::Problem& p, const Plan& plan) {
   const catalog::Method method =
-      advice.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn;
+      advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
   return p.run({method, advice.pmf, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
 }
 
@@ -268,9 +268,10 @@ TEST_CASE("on combs the base moves up to the cap and is made of the draws of the
   CHECK(result.advice.base_level == 6);
   CHECK(std::abs(z_of(result, Comb{}.truth())) < 4.5);
   CHECK(measured_product(result) < result.advice.bound);
-  const auto fixed = estimate(recipe(Comb{}, {.base_level = 2, .base = Base::drawn}), {.samples = 1 << 15, .seed = 2});
+  const auto fixed =
+      estimate(recipe(Comb{}, {.base_level = 2, .base = Base::one_outcome}), {.samples = 1 << 15, .seed = 2});
   CHECK(fixed.advice.base_level == 2);
-  CHECK(fixed.advice.base == Base::drawn);
+  CHECK(fixed.advice.base == Base::one_outcome);
   CHECK(std::abs(z_of(fixed, Comb{}.truth())) < 4.5);
 }
 

@@ -50,7 +50,7 @@ refused "$by_value" 'std::cout << survey([](int, Stream rng) { return base(rng.u
 refused "$by_value" 'std::cout << multilevel([](int, Stream rng) { return base(rng.uniform()); }, 0.1);'
 refused "$by_value" 'std::cout << estimate(independent_sum([](int, Stream rng) { return base(rng.uniform()); }, Geometric(0.5)));'
 refused "$by_value" 'std::cout << estimate(progressive([](int, Stream rng) { return base(rng.uniform()); }, Geometric(0.5)));'
-refused "$by_value" 'std::cout << estimate(averaged([](int, Stream rng) { return base(rng.uniform()); }));'
+refused "$by_value" 'std::cout << estimate(biased_progressive([](int, Stream rng) { return base(rng.uniform()); }));'
 refused "$by_value" 'std::cout << estimate(truncated([](int, Stream rng) { return base(rng.uniform()); }, 3));'
 refused "$by_value" 'std::cout << estimate(roulette([](Stream rng) { return [rng = std::move(rng)]() mutable { return Term<double>{rng.uniform()}; }; }, Geometric(0.5)));'
 refused "$by_value" 'levels_of([](auto rng) { return [s = Stream(rng)]() mutable { return Term<double>{s.uniform()}; }; });'

@@ -95,4 +95,4 @@ if command -v python3 > /dev/null && python3 -c '' 2> /dev/null; then
   check "valid JSON of photons" python3 -c 'import json, sys; json.load(open("lamp/index.json"))'
 fi
 
-conclude
+end_checks

@@ -64,7 +64,7 @@ struct LateDecay : NormalDifferences {
   }
 };
 
-/// Flat up to level 3, then 4^-k, the differences rare enough that few levels vote.
+/// Flat up to level 3, then 4^-k, the differences rare enough that few levels are usable.
 struct RareLate {
   Draw<double> operator()(std::int64_t level, Stream& rng) const {
     const double u = rng.uniform();
@@ -170,9 +170,9 @@ TEST_CASE("a PMF exists, does not, or it is open", "[survey][statistical]") {
   CHECK(answer(NormalDifferences{1, 1}) == Answer::open);
   // A mean of |D| that grows at equal rarity: not yet typical, since the sequence converges.
   CHECK(answer(NormalDifferences{-1, 0}) == Answer::open);
-  // Shallow levels that do not decay yet, below deeper ones without a vote, are no proof that none will.
+  // Shallow levels that do not decay yet, below deeper ones that are not usable, are no proof that none will.
   CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).pmf_exists != Answer::no);
-  // Two levels that vote are no rate.
+  // Two usable levels are no rate.
   CHECK(answer(NormalDifferences{2, 1}, 3, 64) == Answer::open);
   // Few draws beside beta - gamma = 0.3: within the error.
   CHECK(answer(NormalDifferences{1.3, 1}, 5, 64) == Answer::open);
@@ -182,7 +182,7 @@ TEST_CASE("rare events are no exact levels, exact levels are no rare events", "[
   const Survey rare = survey(RareEvent{}, 16, {.samples = 1 << 12, .seed = 4});
   CHECK(rare.rates.kind == RateKind::geometric);
   CHECK(rare.pmf_exists != Answer::yes);
-  CHECK_FALSE(rare.rows.back().votes);
+  CHECK_FALSE(rare.rows.back().usable);
   CHECK(remarks_on(rare, "10 times their kurtosis"));
   const Survey steady = survey(Steady{}, 6, {.samples = 256});
   CHECK(steady.rates.kind == RateKind::exact_zero);
@@ -224,7 +224,7 @@ TEST_CASE("variances within strata are those of the groups of neighbours", "[sur
   CHECK(variances[2] == Approx(0.5));      // of pairs
 }
 
-TEST_CASE("members of a level that run together leave what does not depend on their first number",
+TEST_CASE("members of a level that run together leave what does not depend on their first uniform",
           "[survey][statistical]") {
   const LevelRuns runs = catalog::find("european-call").levels;
   REQUIRE(runs.together);
@@ -233,12 +233,14 @@ TEST_CASE("members of a level that run together leave what does not depend on th
   REQUIRE(first.base_left.size() == 10);
   REQUIRE(deep.difference_left.size() == 10);
   CHECK(first.base_left.front() == 1);
-  CHECK(first.base_left.back() < 0.01);      // one step: the first number is all there is
+  CHECK(first.base_left.back() < 0.01);      // one step: the first uniform is all there is
   CHECK(deep.difference_left.back() > 0.8);  // one of sixteen increments
   // And that is the variance of a block: 64 members of level 0 and nothing else.
   const catalog::Problem& p = catalog::find("european-call");
   const auto variance_of = [&](std::int64_t block) {
-    return p.run({catalog::Method::single_term_drawn, AnyPmf(Tabulated({1}, 1e-12)), 0, "", block}, {.samples = 4096 * block})
+    return p
+        .run({catalog::Method::single_term_outcome, AnyPmf(Tabulated({1}, 1e-12)), 0, "", block},
+             {.samples = 4096 * block})
         .components[0]
         .variance;
   };

@@ -235,7 +235,7 @@ TEST_CASE("an array of three colours is its components one by one, in every form
   CHECK(estimator_laws(roulette(taylor(rgb, g, 2.0), Poisson(2)), truth) == Failures{});
   CHECK(estimator_laws(roulette(taylor(rgb, g, 2.0), RunningWeight(std::sqrt(3.0) * std::exp(-2))), truth) ==
         Failures{});
-  CHECK(estimator_laws(single_term(taylor(rgb, g, 2.0), Poisson(2), {.base = Base::drawn}), truth) == Failures{});
+  CHECK(estimator_laws(single_term(taylor(rgb, g, 2.0), Poisson(2), {.base = Base::one_outcome}), truth) == Failures{});
   for (const Products products : {Products::simple, Products::cyclic, Products::symmetric}) {
     CHECK(estimator_laws(taylor_sum(rgb, g, 2.0, Poisson(2), {.products = products}), truth) == Failures{});
   }
@@ -262,7 +262,7 @@ TEST_CASE("ratio tracking is the drawn single term of the series, with its close
           "[taylor][statistical]") {
   // E Z^2 = exp(-a + E (a - X)^2 / a), a = majorant
   for (const double a : {2.0, 4.0}) {
-    const auto e = single_term(taylor(depth, functions::ExpMinus{}, a), Poisson(a), {.base = Base::drawn});
+    const auto e = single_term(taylor(depth, functions::ExpMinus{}, a), Poisson(a), {.base = Base::one_outcome});
     CHECK(estimator_laws(e, std::exp(-1)) == Failures{});
     const double square = std::exp(-a + (a * a - 2 * a + 4.0 / 3) / a);
     CHECK(std::abs(z_of_second_moment(e, square, 1 << 17)) < 4.5);

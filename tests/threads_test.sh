@@ -29,4 +29,4 @@ check "an image is drawn" same $? 0
 check "the same one" cmp -s image.pfm whole.pfm
 "$debias" run A03 --samples 3e5 --threads 2 > out 2> err
 check "enough threads take no word" same "$(grep -c 'could be had' out)" 0
-conclude
+end_checks

@@ -6,7 +6,7 @@
 //   variance finite iff rho < beta;  work finite iff rho > gamma;  fourth moment finite iff 3 rho < beta4
 //   P(|Z| > t) ~ t^(-1/xi) with xi = 1 - beta / (2 rho), so E|Z|^q is finite iff q < 1 / xi
 //
-//   Notation: beta, gamma = Rates; rho = TailExponent; xi = Verdict::tail_index (0: every moment is finite).
+//   Notation: beta, gamma = Rates; rho = TailExponent; xi = DeclaredFiniteness::tail_index (0: every moment is finite).
 // xi assumes that |D|^q scales like (E D^2)^(q/2), deterministic differences included: kinks and rare events
 // have heavier tails than xi says, though the verdict on the variance stands, and that on the fourth moment
 // where beta4 is measured. Polynomial rates: see core/rates.hpp; there xi = (rho - beta/2) / (rho - 1).
@@ -25,7 +25,7 @@
 
 namespace debias {
 
-struct Verdict {
+struct DeclaredFiniteness {
   bool finite_variance = false;
   /// False where differences and PMF both fall faster than any rate: finite_variance is then true only if the
   /// differences end, or fall faster than the root of the PMF.
@@ -40,7 +40,7 @@ struct Verdict {
 };
 
 /// The verdict on a PMF of tail `pmf` for a sequence of rates `rates`. For a sum: judge(rates_of_sum(rates), PMF).
-Verdict judge(const Rates& rates, const TailExponent& pmf);
+DeclaredFiniteness judge(const Rates& rates, const TailExponent& pmf);
 
 /// The rates with which `judge`, `finite_exponents` and `default_exponent` speak of a sum over all levels up to a random
 /// one, `roulette` or `independent_sum`. Level k is drawn with probability P(N >= k), so that power laws cost the sum of
@@ -52,7 +52,7 @@ inline Rates rates_of_sum(Rates rates) {
 }
 
 /// As above from rates that carry their errors: undecided within two of them of the border, never a guess.
-struct MeasuredVerdict {
+struct MeasuredFiniteness {
   Finiteness variance = Finiteness::undecided;
   Finiteness work = Finiteness::undecided;
   Finiteness fourth_moment = Finiteness::undecided;
@@ -60,7 +60,7 @@ struct MeasuredVerdict {
   double error = 0;  ///< of the tail index
   std::string sentence;
 };
-MeasuredVerdict judge(const MeasuredRates& rates, const TailExponent& pmf);
+MeasuredFiniteness judge(const MeasuredRates& rates, const TailExponent& pmf);
 
 /// Means of consecutive blocks of equal length, in memory that does not grow: where the blocks become too
 /// many, pairs of them join. What is left over at the end belongs to no block.

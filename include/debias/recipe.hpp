@@ -51,9 +51,9 @@ struct Advice {
   double pilot_work = 0;
   double pilot_seconds = 0;
   std::int64_t base_level = 0;
-  Base base = Base::drawn;
+  Base base = Base::one_outcome;
   bool shares_base = false;    ///< base and difference come from one draw
-  bool runs_together = false;  ///< the members of a level, which are then stratified over their first number too
+  bool runs_together = false;  ///< the members of a level, which are then stratified over their first uniform too
   AnyPmf pmf = AnyPmf(Geometric(0.5));
   TailExponent exponent{};    ///< of the PMF
   std::int64_t block = 1;     ///< members of a block, with systematic strata

@@ -49,7 +49,7 @@ struct SurveyRow {
   double difference_work = 0;               ///< of a draw of D_k
   double value_work = 0;                    ///< of a draw of I_k alone
   double seconds = 0;                       ///< of a draw of both, on one thread or all
-  bool votes = false;                       ///< draws >= 10 x kurtosis, and not all of them zero
+  bool usable = false;                      ///< draws >= 10 x kurtosis, and not all of them zero
   bool fitted = false;                      ///< takes part in the fitted rates
   int fewer_threads = 0;                    ///< as of Statistics
   std::vector<ComponentEstimate> values{};  ///< of I_k, by component
@@ -83,8 +83,8 @@ SurveyRow row_of(const Statistics& draws, std::int64_t level, const std::pair<do
 
 /// The rates, the answer and the remarks that rows in order of their levels give, with their consistency.
 /// `budget_spent`: nothing more will be drawn, so that a no may be said.
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence = {},
-                bool budget_spent = true);
+Survey survey_of(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence = {},
+                 bool budget_spent = true);
 
 /// Levels first ... first + levels - 1, plan.samples draws of each.
 /// Throws std::invalid_argument for fewer than two levels or draws, and what the sequence throws (SampleError).

@@ -5,7 +5,7 @@
 // included here.
 //
 //   exp(-tau), a majorant a of X, E X = tau      with t = taylor(x, functions::ExpMinus{}, a)
-//     ratio tracking            single_term(t, Poisson(a), {.base = Base::drawn})
+//     ratio tracking            single_term(t, Poisson(a), {.base = Base::one_outcome})
 //     p-series, cumulative      roulette(t, RunningWeight(exp(-a)))
 //     p-series, CMF             roulette(t, IndexRoulette(a), {.base_level = K})
 //     pivoted U-statistics      taylor_sum(comb_mean(f, M), functions::ExpMinus{}, drawn_pivot,

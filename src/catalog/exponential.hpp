@@ -113,7 +113,7 @@ void add_exponential_methods(Problem& p, const F& f, double majorant, const Rate
        .description = "one term of the power series about a majorant, drawn from its Poisson law",
        .kurtosis = kurtosis_of_ratio_tracking(ratio, majorant),
        .reason = "E Z^q = exp(-a + a E (1 - X/a)^q) gives"},
-      single_term(series, Poisson(majorant), {.base = Base::drawn}));
+      single_term(series, Poisson(majorant), {.base = Base::one_outcome}));
   add_p_series_cumulative(p, series, std::exp(-majorant), kurtosis);
   add(p,
       {.name = "p_series_cmf",

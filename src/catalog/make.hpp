@@ -73,8 +73,8 @@ template <class Terms, BiasedSequence S, class Use>
 void with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
   switch (c.method) {
     case Method::single_term:
-    case Method::single_term_drawn: {
-      const Base base = c.method == Method::single_term ? Base::always : Base::drawn;
+    case Method::single_term_outcome: {
+      const Base base = c.method == Method::single_term ? Base::every_sample : Base::one_outcome;
       const auto member = single_term(sequence, c.pmf, {.base_level = c.base_level, .base = base});
       return c.block > 1 ? use(stratified(member, c.block)) : use(member);
     }
@@ -104,7 +104,7 @@ Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& ra
   p.formula = std::move(facts.formula);
   p.lowest_base = facts.lowest_base;
   p.rates = rates;
-  p.methods = {Method::single_term, Method::single_term_drawn, Method::independent_sum};
+  p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum};
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
   p.methods.push_back(Method::truncated);
   set_runs(p, [sequence, terms](const Choice& choice, Task& task) {

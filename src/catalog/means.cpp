@@ -44,7 +44,7 @@ void add_series(Problem& p, const X& x, const G& g, const C& centre, const P& pm
     return Special{name, description, known.value, known.reason};
   };
   add(p, special("taylor_single_term", "one term of the power series about a centre"),
-      single_term(series, pmf, {.base = Base::drawn}));
+      single_term(series, pmf, {.base = Base::one_outcome}));
   add(p, special("taylor", "the power series about a centre, with roulette"), roulette(series, pmf));
   add(p, special("taylor_prefix", "the power series, terms to the third, then roulette"),
       roulette(series, pmf, {.base_level = 3}));

@@ -263,11 +263,11 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
 
   Subcommand& tradeoff = add("tradeoff", "Sweep the PMF of a problem: variance against work",
                              "  debias tradeoff A10\n"
-                             "  debias tradeoff A10 --points 31 --estimator single_term_drawn --csv -o sweep.csv");
+                             "  debias tradeoff A10 --points 31 --estimator single_term_outcome --csv -o sweep.csv");
   tradeoff.problem();
   tradeoff.value("family", "NAME", "geometric, zeta or poisson");
   tradeoff.value("points", "K", "PMFs to try");
-  tradeoff.value("estimator", "NAME", "single_term or single_term_drawn");
+  tradeoff.value("estimator", "NAME", "single_term or single_term_outcome");
   tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
   tradeoff.value("block", "N", "Samples of a block of systematic strata");
   tradeoff.app->add_flag("--csv", tradeoff.delivery.csv, "Comma-separated values instead of a text");

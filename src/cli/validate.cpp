@@ -25,7 +25,7 @@ auto rows_to(Output& out, const Delivery& delivery, const Table& table, Progress
 }
 
 template <class Report>
-void conclude(Output& out, const Delivery& delivery, const Report& report) {
+void write_summary(Output& out, const Delivery& delivery, const Report& report) {
   if (delivery.json) {
     out.stream() << commands::json_line(commands::fields(report)) << '\n';
   } else {
@@ -47,7 +47,7 @@ int execute(const commands::ValidateRequest& request, const Delivery& delivery) 
   const commands::Caller caller = session.caller(watch_share(progress));
   const commands::ValidateReport report = session.guard([&] { return commands::validate(request, caller, show); });
   session.flush();
-  conclude(out, delivery, report);
+  write_summary(out, delivery, report);
   if (out.is_file() && !delivery.quiet) {
     Output summary;
     print(summary.stream(), report);
@@ -68,7 +68,7 @@ int execute(const commands::HardRequest& request, const Delivery& delivery) {
   const commands::HardTable table;
   const auto show = rows_to<validation::HardCell>(out, delivery, table, progress);
   const commands::HardReport report = commands::validate_hard(request, {watch_share(progress)}, show);
-  conclude(out, delivery, report);
+  write_summary(out, delivery, report);
   if (report.report.failed == 0) return done;
   complain(std::to_string(report.report.failed) + " of " + std::to_string(report.report.cells.size()) +
            " hard cases are wrong without a word");

@@ -29,7 +29,7 @@ Fields fields(const AdviceReport& report) {
   append(f, {{"seed", a.survey.seed},
              {"pmf", a.pmf.spec()},
              {"base_level", a.base_level},
-             {"base", a.base == Base::drawn ? "drawn" : "always"},
+             {"base", a.base == Base::one_outcome ? "one_outcome" : "every_sample"},
              {"block", a.block}});
   append(f, describe(a));
   append(f, versions());

@@ -68,7 +68,7 @@ Fields describe(const RunVerdict& v) {
           {"tail_index", v.tail_index},
           {"error", v.error},
           {"levels", Fields{{"available", v.levels.available},
-                            {"votes", v.levels.votes},
+                            {"usable_levels", v.levels.usable_levels},
                             {"first", v.levels.first_level},
                             {"last", v.levels.last_level},
                             {"tail_index", v.levels.tail_index},

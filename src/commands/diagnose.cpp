@@ -249,7 +249,7 @@ void print(std::ostream& out, const Diagnosis& d, bool full) {
   for (const Warning& warning : d.warnings) print_line(out, "warning", warning.text);
 }
 
-void conclude(Diagnosis& d) {
+void judge(Diagnosis& d) {
   if (d.nonfinite == 0 && d.moments.count == 1) {
     d.warnings.push_back({WarningCode::one_sample, "one value has no standard error."});
   }
@@ -278,7 +278,7 @@ Diagnosis diagnose(const DiagnoseRequest& request) {
                          [&sums](std::span<const double> values, std::int64_t row) { sums.add(values, row); });
   sums.finish(d);
   if (d.read.format != numbers::Format::text) d.unit = "value";
-  conclude(d);
+  judge(d);
   return d;
 }
 

@@ -85,7 +85,7 @@ class Sums {
 };
 
 /// Intervals, verdict and warnings from what Sums::finish left.
-void conclude(Diagnosis& diagnosis);
+void judge(Diagnosis& diagnosis);
 /// The share of a value in the sum of squares about the mean.
 double square_share(const Diagnosis& diagnosis, double value);
 
@@ -94,7 +94,7 @@ struct DiagnoseRequest {
   numbers::Bytes bytes;
   numbers::Request reading = {};
 };
-/// Without a value there is nothing to conclude from. Throws numbers::Error.
+/// Without a value there is nothing to diagnose. Throws numbers::Error.
 Diagnosis diagnose(const DiagnoseRequest& request);
 
 /// Brief, or all of it.

@@ -9,19 +9,22 @@
 
 namespace debias::commands {
 
-inline constexpr std::pair<std::string_view, std::string_view> renamed[] = {{"--law", "--pmf"},
-                                                                            {"--law auto", "--estimator recipe"},
-                                                                            {"--pmf auto", "--estimator recipe"},
-                                                                            {"--time", "--seconds"},
-                                                                            {"list laws", "list pmfs"},
-                                                                            {"law=", "pmf="},
-                                                                            {"law='auto'", "estimator='recipe'"},
-                                                                            {"pmf='auto'", "estimator='recipe'"},
-                                                                            {"time=", "seconds="},
-                                                                            {"laws()", "pmfs()"},
-                                                                            {"recipe()", "advise()"},
-                                                                            {"['law']", "['pmf']"},
-                                                                            {"['law_exists']", "['pmf_exists']"}};
+inline constexpr std::pair<std::string_view, std::string_view> renamed[] = {
+    {"--law", "--pmf"},
+    {"--law auto", "--estimator recipe"},
+    {"--pmf auto", "--estimator recipe"},
+    {"--time", "--seconds"},
+    {"list laws", "list pmfs"},
+    {"--estimator single_term_drawn", "--estimator single_term_outcome"},
+    {"estimator='single_term_drawn'", "estimator='single_term_outcome'"},
+    {"law=", "pmf="},
+    {"law='auto'", "estimator='recipe'"},
+    {"pmf='auto'", "estimator='recipe'"},
+    {"time=", "seconds="},
+    {"laws()", "pmfs()"},
+    {"recipe()", "advise()"},
+    {"['law']", "['pmf']"},
+    {"['law_exists']", "['pmf_exists']"}};
 
 /// Throws std::invalid_argument for one of those: "`--law` is `--pmf` since 0.2".
 inline void refuse_if_renamed(std::string_view typed) {

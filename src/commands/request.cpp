@@ -25,7 +25,7 @@ std::string joined(const BadRequest::Pieces& pieces, const std::function<std::st
 }
 
 bool is_single_term(catalog::Method method) {
-  return method == catalog::Method::single_term || method == catalog::Method::single_term_drawn;
+  return method == catalog::Method::single_term || method == catalog::Method::single_term_outcome;
 }
 
 // The method of a shape, if the problem has it.
@@ -121,7 +121,7 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
   const catalog::Method method = method_of(shape, problem);
   if (shape.by_recipe() || !is_single_term(method)) {
     throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
-                                           "' (a sweep is for single_term and single_term_drawn); leave it out"});
+                                           "' (a sweep is for single_term and single_term_outcome); leave it out"});
   }
   return {method, AnyPmf(Geometric(0.5)), shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
 }
@@ -140,9 +140,9 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   if (catalog::find_special(problem, shape.estimator->special) != nullptr ||
       !is_single_term(method_of(shape, problem))) {
     throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
-                                           "' (a recipe is for single_term and single_term_drawn); leave it out"});
+                                           "' (a recipe is for single_term and single_term_outcome); leave it out"});
   }
-  options.base = shape.estimator->method == catalog::Method::single_term ? Base::always : Base::drawn;
+  options.base = shape.estimator->method == catalog::Method::single_term ? Base::every_sample : Base::one_outcome;
   return options;
 }
 

@@ -74,7 +74,7 @@ struct Shape {
 catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem);
 /// The same for a sweep over PMFs: single terms only, and no PMF.
 catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem);
-/// What a shape leaves to a recipe: all but a base level, and single_term or single_term_drawn. Throws BadRequest.
+/// What a shape leaves to a recipe: all but a base level, and single_term or single_term_outcome. Throws BadRequest.
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem);
 
 /// How many samples, and which.

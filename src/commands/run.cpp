@@ -15,8 +15,8 @@
 namespace debias::commands {
 namespace {
 
-Verdict verdict_of(const catalog::Problem& problem, const catalog::Choice& choice) {
-  Verdict v;
+DeclaredFiniteness verdict_of(const catalog::Problem& problem, const catalog::Choice& choice) {
+  DeclaredFiniteness v;
   v.finite_variance = true;
   v.finite_work = true;
   if (const catalog::Special* special = catalog::find_special(problem, choice.special)) {
@@ -105,7 +105,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   std::optional<Advice> advice;
   if (by_recipe) {
     advice = advise(problem.levels, plan, options);
-    choice = {advice->base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn,
+    choice = {advice->base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
               advice->pmf, advice->base_level, "", advice->block};
     plan = debias::detail::plan_of(plan, *advice);
   }
@@ -134,7 +134,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
     };
   }
   total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
-  const Verdict verdict = verdict_of(problem, choice);
+  const DeclaredFiniteness verdict = verdict_of(problem, choice);
   Statistics statistics = problem.run(choice, plan);
   if (advice) debias::detail::follow(statistics, *advice, goal);
   if (choice.base_level < problem.lowest_base) {

@@ -43,8 +43,8 @@ struct RunReport {
   std::optional<Advice> advice;  ///< that the choice follows
   Statistics statistics;
   Interval interval;
-  Verdict verdict;  ///< on the PMF, from the declared rates
-  double z;         ///< of the exact answer
+  DeclaredFiniteness verdict;  ///< on the PMF, from the declared rates
+  double z;                    ///< of the exact answer
 };
 
 /// What an earlier run has left: its sums, and the samples that it was asked for.

@@ -68,9 +68,11 @@ Fields fields(const SurveyReport& s) {
              {"grade", name_of(survey.grade)},
              {"warnings", warnings},
              {"remarks", survey.remarks},
-             {"believed", list_of(believed_rows(survey), [](const BelievedRow& b) {
-                return Fields{{"level", b.level}, {"log2_second_moment", b.log2_second}, {"error", b.error}};
-              })},
+             {"believed",
+              list_of(believed_rows(survey),
+                      [](const BelievedRow& b) {
+                        return Fields{{"level", b.level}, {"log2_second_moment", b.log2_second}, {"error", b.error}};
+                      })},
              {"work", survey.work},
              {"seconds", survey.seconds},
              {"levels", list_of(survey.rows, [](const SurveyRow& r) {
@@ -90,7 +92,7 @@ Fields fields(const SurveyReport& s) {
                               {"value_work", r.value_work},
                               {"difference_work", r.difference_work},
                               {"seconds", r.seconds},
-                              {"votes", r.votes},
+                              {"usable", r.usable},
                               {"fitted", r.fitted}};
               })}});
   append(f, versions());

@@ -102,8 +102,9 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
   TradeoffReport t;
   t.problem = &problem;
   t.samples = plan.samples;
-  t.setup = {shape.base_level, shape.method == catalog::Method::single_term ? Base::always : Base::drawn, shape.block};
-  t.shares_base = t.setup.base == Base::always && problem.levels.shared;
+  t.form = {shape.base_level, shape.method == catalog::Method::single_term ? Base::every_sample : Base::one_outcome,
+            shape.block};
+  t.shares_base = t.form.base == Base::every_sample && problem.levels.shared;
   const double unit = problem.levels.work(shape.base_level, plan).second;
   const double budget = unit * std::max(least_pilot, pilot_share * static_cast<double>(count * plan.samples));
   Plan pilot = plan;
@@ -116,9 +117,9 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
          Field{"samples"}});
   }
   const LevelModel model = model_of(t.survey);
-  const TermMoments moments = term_moments(problem.levels, t.survey, model, t.setup, pilot);
+  const TermMoments moments = term_moments(problem.levels, t.survey, model, t.form, pilot);
   t.optimum = predict(moments, best_masses(moments)).product();
-  t.bound = bound_of(t.survey, model, t.setup.base_level);
+  t.bound = bound_of(t.survey, model, t.form.base_level);
 
   const auto [low, high] = parameters(request.family, t.survey.rates);
   try {
@@ -180,8 +181,8 @@ void print(std::ostream& out, const TradeoffReport& t) {
                    (t.shares_base ? " with draws that share nothing" : ""));
   }
   print_line(out, "base",
-             "level " + std::to_string(t.setup.base_level) +
-                 (t.setup.base == Base::drawn ? ", one outcome of the PMF" : ", in every sample"));
+             "level " + std::to_string(t.form.base_level) +
+                 (t.form.base == Base::one_outcome ? ", one outcome of the PMF" : ", in every sample"));
   print_line(out, "PMF exists", name_of(t.survey.pmf_exists));
 }
 
@@ -206,9 +207,9 @@ Fields fields(const TradeoffReport& t) {
   Fields f = describe(*t.problem);
   append(f, {{"samples", t.samples},
              {"seed", t.survey.seed},
-             {"base_level", t.setup.base_level},
-             {"base", t.setup.base == Base::drawn ? "drawn" : "always"},
-             {"block", t.setup.block},
+             {"base_level", t.form.base_level},
+             {"base", t.form.base == Base::one_outcome ? "one_outcome" : "every_sample"},
+             {"block", t.form.block},
              {"rates", describe(t.survey.rates)},
              {"pmf_exists", name_of(t.survey.pmf_exists)},
              {"optimum", figure(has_optimum, t.optimum)},

@@ -34,7 +34,7 @@ struct TradeoffRequest {
 /// One PMF of a sweep.
 struct TradeoffPoint {
   AnyPmf pmf;
-  MeasuredVerdict verdict;
+  MeasuredFiniteness verdict;
   VarianceAndWork predicted;  ///< of one sample
   bool measured = false;      ///< not where the work is infinite, or may be
   double variance = 0;        ///< of one sample, measured
@@ -45,7 +45,7 @@ struct TradeoffPoint {
 struct TradeoffReport {
   const catalog::Problem* problem = nullptr;
   Survey survey;
-  Setup setup;
+  SingleTermForm form;
   bool shares_base = false;  ///< base and difference are made of the same draws
   std::int64_t samples = 0;
   std::vector<TradeoffPoint> points;

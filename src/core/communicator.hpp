@@ -44,9 +44,9 @@ class Communicator {
   };
   /// Feeds the threads of `queue` until all ranks have drawn `samples`, those of the leading rank, or stopped.
   virtual void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) = 0;
-  /// Gives all ranks the sums of all, or the failure with the smallest index. `conclude` runs on the leading
+  /// Gives all ranks the sums of all, or the failure with the smallest index. `seal` runs on the leading
   /// rank in between, when it has them all.
-  virtual void end(ChunkQueue& queue, const std::function<void()>& conclude) = 0;
+  virtual void end(ChunkQueue& queue, const std::function<void()>& seal) = 0;
 };
 
 /// What `make` returns on the leading rank, on all of them: a number that each would find another one for.

@@ -119,9 +119,10 @@ void add_warnings(Statistics& s) {
   const double highest = s.upper_tail.front();
   const double lowest = s.lower_tail.front();
   if (highest == lowest && (s.components.size() == 1 || s.total_error() == 0)) {
-    warn(WarningCode::equal_samples, "all " + count_text(s) +
-                                         " are equal, so the standard error says nothing: a value that comes up less than "
-                                         "three times in as many would not have been seen.");
+    warn(WarningCode::equal_samples,
+         "all " + count_text(s) +
+             " are equal, so the standard error says nothing: a value that comes up less than "
+             "three times in as many would not have been seen.");
     return;
   }
   constexpr double least_square = 1e-290;  // below, squares lose their digits
@@ -389,7 +390,7 @@ double wanted_blocks(const Goal& goal, const Statistics& pilot, double spent, do
   const auto n = static_cast<double>(pilot.blocks);
   const double doubt = 2 / std::sqrt(std::max(hits_of(pilot), 4.0));  // two errors of the variance
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
-  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.size();
+  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.norm();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
   if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
   const double error = Goal::aim * wish;
@@ -423,7 +424,7 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
 }
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
-  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.size())) return;
+  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.norm())) return;
   s.warnings.push_back({WarningCode::single_precision,
                         "the standard error is below the rounding of single-precision values, which may have moved "
                         "the mean by more; compute the values in double."});
@@ -484,7 +485,7 @@ Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body
       // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
       const auto have = static_cast<double>(s.blocks);
       const bool equal = !(s.moments.m2 > 0);
-      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.size() > 3 * s.total_error());
+      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.norm() > 3 * s.total_error());
       const bool rare = hits_of(s) < enough_hits && have < wanted;
       const std::int64_t most = equal
                                     ? std::int64_t{1} << 16

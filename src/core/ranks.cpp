@@ -31,7 +31,7 @@ class OneProcess final : public detail::Communicator {
     queue.close();
     caller.draw();
   }
-  void end(detail::ChunkQueue& /*queue*/, const std::function<void()>& conclude) override { conclude(); }
+  void end(detail::ChunkQueue& /*queue*/, const std::function<void()>& seal) override { seal(); }
 };
 
 const std::shared_ptr<detail::Communicator>& one_process() {

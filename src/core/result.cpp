@@ -51,7 +51,7 @@ double Statistics::total_error() const {
   return std::sqrt(square);
 }
 
-double Statistics::size() const {
+double Statistics::norm() const {
   double square = 0;
   for (const ComponentEstimate& c : components) square += c.mean * c.mean;
   return std::sqrt(square);
@@ -63,7 +63,7 @@ bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
   if (goal.error > 0) return goal_error() <= goal.error;
-  if (goal.relative_error > 0) return size() > 0 && goal_error() <= goal.relative_error * size();
+  if (goal.relative_error > 0) return norm() > 0 && goal_error() <= goal.relative_error * norm();
   return seconds <= goal.seconds;
 }
 

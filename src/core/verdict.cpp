@@ -71,21 +71,21 @@ Masses masses_of(const std::vector<LevelRow>& rows) {
   return m;
 }
 
-// Are the levels with too few draws to vote larger than the posterior allows? By how many standard errors.
+// Are the levels with too few draws to be usable larger than the posterior allows? By how many standard errors.
 double surplus(const Evidence& e) {
-  if (e.courses.empty() || e.facts.empty() || e.facts.back().level <= e.last_vote) return 0;
+  if (e.courses.empty() || e.facts.empty() || e.facts.back().level <= e.last_usable) return 0;
   const std::vector<Believed> expected = [&] {
-    Evidence votes = e;  // without what the others showed
-    votes.facts.clear();
-    std::erase_if(votes.voices, [](const LevelVoice& v) { return !v.votes(); });
-    return believed(votes, e.facts.back().level);
+    Evidence usable = e;  // without what the others showed
+    usable.facts.clear();
+    std::erase_if(usable.voices, [](const LevelVoice& v) { return !v.usable(); });
+    return believed(usable, e.facts.back().level);
   }();
   double rarity = 1;
-  for (const LevelVoice& v : e.voices) rarity = v.votes() ? std::max(rarity, std::exp2(v.log2_rarity)) : rarity;
+  for (const LevelVoice& v : e.voices) rarity = v.usable() ? std::max(rarity, std::exp2(v.log2_rarity)) : rarity;
   double excess = 0;
   double draws = 0;
   for (const LevelFacts& f : e.facts) {
-    if (f.is_base || f.level <= e.last_vote) continue;
+    if (f.is_base || f.level <= e.last_usable) continue;
     const Believed& b = expected[static_cast<std::size_t>(f.level)];
     const auto n = static_cast<double>(f.draws);
     excess += n * (f.second_moment / std::exp2(b.log2_second + b.error) - 1);
@@ -96,7 +96,7 @@ double surplus(const Evidence& e) {
 
 struct LevelsSay {
   LevelEvidence levels;
-  SumVerdict sum;
+  SumConvergence sum;
   Doubt doubt;
   double counted = 0;    // of the levels that are doubted, in the measured variance
   bool changes = false;  // levels that are not yet typical
@@ -132,9 +132,9 @@ LevelsSay levels_say(const Statistics& s) {
   say.changes = e.changes || e.missing_moments || e.end != End::none;
   say.sum = judge(e, masses);
   l.available = e.end != End::none ? e.grade != Grade::open : !e.courses.empty();
-  for (const LevelVoice& v : e.voices) l.votes += v.votes();
-  l.first_level = std::max<std::int64_t>(0, e.first_vote);
-  l.last_level = std::max<std::int64_t>(0, e.last_vote);
+  for (const LevelVoice& v : e.voices) l.usable_levels += v.usable();
+  l.first_level = std::max<std::int64_t>(0, e.first_usable);
+  l.last_level = std::max<std::int64_t>(0, e.last_usable);
   if (mass > 0) {
     const double members = drawn / mass;
     say.doubt = doubt_of(e, masses, members);
@@ -157,7 +157,7 @@ LevelsSay levels_say(const Statistics& s) {
   l.diverges = say.sum.diverges;
   l.growth = say.sum.growth;
   l.contradicted = surplus(e) > surplus_limit;
-  l.rho = exponent_of(masses, e.last_vote, l.polynomial);
+  l.rho = exponent_of(masses, e.last_usable, l.polynomial);
   // In the unit of the PMF.
   l.beta = e.decay.value;
   l.beta_error = e.decay.error;
@@ -272,8 +272,8 @@ void combine(RunVerdict& v, const TailsSay& tails, const LevelsSay& say, bool ha
   }
   if (has_levels) {
     // Light tails prove nothing beside levels: no sample may have reached the heavy ones.
-    using Value = SumVerdict::Value;
-    const SumVerdict& sum = say.sum;
+    using Value = SumConvergence::Value;
+    const SumConvergence& sum = say.sum;
     Finiteness by_levels = Finiteness::undecided;
     if (sum.value == Value::finite && !l.contradicted) by_levels = Finiteness::finite;
     if (sum.value == Value::infinite) by_levels = Finiteness::infinite;

@@ -184,14 +184,14 @@ class MpiRanks final : public debias::detail::Communicator {
   Bytes share(const std::function<Bytes()>& make) override;
   void leave(std::exception_ptr failure) override;
   void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) override;
-  void end(ChunkQueue& queue, const std::function<void()>& conclude) override;
+  void end(ChunkQueue& queue, const std::function<void()>& seal) override;
 
  private:
   class Server;
   bool meet(const std::string& text, std::exception_ptr failure, bool leaves);
   void exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
                 const Caller& caller);
-  void gather(ChunkQueue& queue, const std::function<void()>& conclude);
+  void gather(ChunkQueue& queue, const std::function<void()>& seal);
   template <class F>
   void or_abort(const F& f) const;
 
@@ -425,11 +425,11 @@ void MpiRanks::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>&
   }
 }
 
-void MpiRanks::end(ChunkQueue& queue, const std::function<void()>& conclude) {
-  or_abort([&] { gather(queue, conclude); });
+void MpiRanks::end(ChunkQueue& queue, const std::function<void()>& seal) {
+  or_abort([&] { gather(queue, seal); });
 }
 
-void MpiRanks::gather(ChunkQueue& queue, const std::function<void()>& conclude) {
+void MpiRanks::gather(ChunkQueue& queue, const std::function<void()>& seal) {
   // Sums go up a binomial tree.
   for (int step = 1; step < size_; step *= 2) {
     if ((rank_ & step) != 0) {
@@ -440,7 +440,7 @@ void MpiRanks::gather(ChunkQueue& queue, const std::function<void()>& conclude) 
   }
   if (leads()) {
     try {
-      conclude();
+      seal();
     } catch (...) {
       queue.interrupt(std::current_exception());
     }

@@ -1,7 +1,7 @@
 #pragma once
 
-// Calls of a slow function, gathered. While draws are rehearsed each call leaves its arguments here and goes on with
-// zero; then one call answers all of a level at once; then the draws that count read the answers in the same order.
+// Calls of a slow function, gathered. In a first pass over the draws each call leaves its arguments here and goes on
+// with zero; then one call answers all of a level at once; then the draws that count read the answers in the same order.
 //
 // Which questions are asked must not depend on the answers. A level asks with rows of a fixed width. Beyond
 // `most_pending` numbers a level is answered early, so that memory grows with the answers alone.
@@ -36,7 +36,7 @@ class Lookups {
 
   static constexpr std::int64_t deepest_doubling = 26;  ///< level of 2^level rows that one draw may ask for at once
 
-  [[nodiscard]] bool rehearsing() const { return rehearsing_; }
+  [[nodiscard]] bool collecting() const { return collecting_; }
 
   Size size(std::int64_t level) { return rows_of(level).size; }
 
@@ -86,22 +86,22 @@ class Lookups {
     Rows& rows = rows_of(level);
     const std::size_t begin = rows.read++ * rows.answer_width;
     if (begin + rows.answer_width > rows.answers.size() || rows.answer_width == 0) {
-      throw std::logic_error("lookups: a draw asks for more than its rehearsal");
+      throw std::logic_error("lookups: a draw asks for more than in its first pass");
     }
     return std::span(rows.answers).subspan(begin, rows.answer_width);
   }
 
   /// Runs the draws for their questions, and has them answered.
-  void rehearse(const std::function<void()>& draws) {
+  void collect_queries(const std::function<void()>& draws) {
     for (auto& [level, rows] : rows_) rows.clear();
-    rehearsing_ = true;
+    collecting_ = true;
     try {
       draws();
     } catch (...) {
-      rehearsing_ = false;
+      collecting_ = false;
       throw;
     }
-    rehearsing_ = false;
+    collecting_ = false;
     for (auto& [level, rows] : rows_) {
       if (rows.asked > 0) answer(level, rows);
     }
@@ -160,7 +160,7 @@ class Lookups {
   std::map<std::int64_t, Rows> rows_;
   std::int64_t last_level_ = -1;
   Rows* last_ = nullptr;
-  bool rehearsing_ = false;
+  bool collecting_ = false;
 };
 
 }  // namespace debias::python

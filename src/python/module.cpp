@@ -347,10 +347,10 @@ class Diagnostician {
       }
     }
   }
-  py::tuple finish(const std::string& name) { return as_objects(concluded(name)); }
+  py::tuple finish(const std::string& name) { return as_objects(diagnosis(name)); }
 
  private:
-  commands::Diagnosis concluded(const std::string& name) {
+  commands::Diagnosis diagnosis(const std::string& name) {
     const py::gil_scoped_release release;
     commands::Diagnosis d;
     d.file = name;
@@ -362,7 +362,7 @@ class Diagnostician {
           (missing_ > 0 ? "all " + std::to_string(missing_) + " are masked or missing" : std::string("one at least")) +
           ")");
     }
-    conclude(d);
+    judge(d);
     if (missing_ > 0) {
       d.warnings.push_back({WarningCode::missing_values, std::to_string(missing_) + " of " + std::to_string(count_) +
                                                              " values are masked or missing, the first is value " +

@@ -15,7 +15,7 @@
 
 #include "../catalog/make.hpp"
 #include "../core/text.hpp"
-#include "rehearsing.hpp"
+#include "collecting.hpp"
 
 namespace debias::python {
 namespace {
@@ -27,17 +27,17 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
-    return estimate_rehearsed(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
+    return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
     const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
-    lookups->rehearse(mean_work);
+    lookups->collect_queries(mean_work);
     return mean_work();
   };
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence, lookups](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return debias::detail::shared_moments(
-          estimate_rehearsed(*lookups, debias::detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+          estimate_collected(*lookups, debias::detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
     };
   }
   return runs;
@@ -57,13 +57,13 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   p.formula = facts.formula;
   p.rates = facts.rates;
   p.lowest_base = facts.lowest_base;
-  p.methods = {Method::single_term, Method::single_term_drawn, Method::independent_sum, Method::truncated};
+  p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
   p.run = [with, lookups](const Choice& choice, const Plan& plan) {
-    return with(choice, [&](const auto& e) -> Statistics { return estimate_rehearsed(*lookups, e, plan); });
+    return with(choice, [&](const auto& e) -> Statistics { return estimate_collected(*lookups, e, plan); });
   };
   p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
     return with(choice, [&](const auto& e) {
-      lookups->rehearse([&] { trace(e, seed, index); });
+      lookups->collect_queries([&] { trace(e, seed, index); });
       auto t = trace(e, seed, index);
       return Trace<double>{
           {as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels), t.block, t.first, t.member};
@@ -81,7 +81,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
           for (std::size_t j = 0; j < component_count(value); ++j) out[filled++] = component(value, j);
         }
       };
-      lookups->rehearse(draw_all);
+      lookups->collect_queries(draw_all);
       draw_all();
     });
   };
@@ -116,10 +116,10 @@ struct Levels {
   }
 
  private:
-  // No numbers in a rehearsal.
+  // No numbers in the first pass.
   [[nodiscard]] std::pair<std::span<const double>, double> look_up(std::int64_t level, Stream& rng) const {
     const double work = lookups->size(level).work;
-    if (!lookups->rehearsing()) return {lookups->next(level), work};
+    if (!lookups->collecting()) return {lookups->next(level), work};
     rng.fill(lookups->ask(level));
     return {{}, work};
   }
@@ -216,12 +216,12 @@ struct Integrand {
   std::shared_ptr<Lookups> lookups;
 
   double operator()(double x) const {
-    if (!lookups->rehearsing()) return lookups->next(0).front();
+    if (!lookups->collecting()) return lookups->next(0).front();
     lookups->ask(0).front() = x;
     return 0;
   }
   double operator()(Stream& rng) const {
-    if (!lookups->rehearsing()) return lookups->next(0).front();
+    if (!lookups->collecting()) return lookups->next(0).front();
     rng.fill(lookups->ask(0));
     return 0;
   }

@@ -32,7 +32,7 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
     const double up = std::min(all[k].error, 0.35 * all[k].error * all[k].error);
     a[k] = std::exp2(std::clamp(all[k].log2_second + up, -1020.0, 1000.0));
     // Zeros get a floor, and so a mass; a trend does without: a steep one would find more in the floor than in itself.
-    const bool has_trend = !e.courses.empty() && static_cast<std::int64_t>(k) >= e.first_vote;
+    const bool has_trend = !e.courses.empty() && static_cast<std::int64_t>(k) >= e.first_usable;
     constexpr double least = std::numeric_limits<double>::min();
     floor *= fall;
     a[k] = std::max(a[k], has_trend && e.end != End::stated ? least : std::max(floor * scale, least));
@@ -59,7 +59,7 @@ LevelModel model_of(const Survey& s, std::int64_t levels) {
   for (std::size_t k = 0; k < n; ++k) {
     const SurveyRow* row = s.row_at(static_cast<std::int64_t>(k));
     if (row != nullptr) {
-      if (k > 0 && row->second_moment > 0 && row->votes) {
+      if (k > 0 && row->second_moment > 0 && row->usable) {
         share = std::clamp(row->difference_variance / row->second_moment, 0.0, 1.0);
       }
       m.work.push_back(k == 0 ? row->value_work : row->difference_work);
@@ -104,7 +104,7 @@ double sum_above(std::int64_t base_level, const Survey& survey, const LevelModel
   double sign = 1;
   for (auto k = static_cast<std::size_t>(base_level) + 1; k < model.size(); ++k) {
     const SurveyRow* row = survey.row_at(static_cast<std::int64_t>(k));
-    if (row != nullptr && row->votes) sign = row->difference;
+    if (row != nullptr && row->usable) sign = row->difference;
     sum += std::copysign(std::sqrt(model.mean_square[k]), sign);
   }
   return sum;
@@ -124,21 +124,21 @@ StrataMoments strata_of(const LevelRuns& runs, std::int64_t level, std::int64_t 
 
 }  // namespace
 
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model, const Setup& setup,
-                         const Plan& plan, double share) {
-  const SurveyRow& base = *survey.row_at(setup.base_level);
-  const auto first = static_cast<std::size_t>(setup.first_level());
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
+                         const SingleTermForm& form, const Plan& plan, double share) {
+  const SurveyRow& base = *survey.row_at(form.base_level);
+  const auto first = static_cast<std::size_t>(form.first_level());
   const auto slice = [first](const std::vector<double>& v) {
     return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(first), v.end());
   };
   TermMoments t;
-  t.block = setup.block;
+  t.block = form.block;
   t.variance = slice(model.variance);
   t.mean_square = slice(model.mean_square);
   t.work = slice(model.work);
-  const bool shared = setup.base == Base::always && runs.shared;
-  const double above = sum_above(setup.base_level, survey, model);
-  if (setup.base == Base::drawn) {
+  const bool shared = form.base == Base::every_sample && runs.shared;
+  const double above = sum_above(form.base_level, survey, model);
+  if (form.base == Base::one_outcome) {
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
     t.work[0] = base.value_work;
@@ -164,7 +164,7 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
         Plan part = plan;
         part.goal = {};
         part.samples = static_cast<std::int64_t>(draws_of(k));
-        const SharedMoments s = runs.shared(static_cast<std::int64_t>(k), setup.base_level, part);
+        const SharedMoments s = runs.shared(static_cast<std::int64_t>(k), form.base_level, part);
         base_variance = s.base_variance;
         t.covariance.back() = s.covariance;
         t.work[k - first] = s.work;
@@ -184,13 +184,12 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     std::vector<double> left = t.variance_left.empty() ? std::vector<double>() : t.variance_left.back();
     if (row_of(k) != nullptr) {
       const auto level = static_cast<std::int64_t>(k);
-      const bool is_base = setup.base == Base::drawn && k == first;
+      const bool is_base = form.base == Base::one_outcome && k == first;
       // The base of a sequence that shares it is another one than I_m alone.
       if (is_base && runs.shared) {
         left.clear();
       } else {
-        const StrataMoments s =
-            runs.shared ? strata_of(runs, level, setup.base_level, draws_of(k), plan) : alone(level);
+        const StrataMoments s = runs.shared ? strata_of(runs, level, form.base_level, draws_of(k), plan) : alone(level);
         left = is_base ? s.base_left : s.difference_left;
         if (shared) base_left = s.base_left;
       }
@@ -198,10 +197,10 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     t.variance_left.push_back(std::move(left));
     t.base_left.push_back(std::move(base_left));
   }
-  if (setup.base == Base::always && !shared) {
+  if (form.base == Base::every_sample && !shared) {
     t.fixed_variance -= base.variance;
     t.base_variance.assign(t.work.size(), base.variance);
-    t.base_left.assign(t.work.size(), alone(setup.base_level).base_left);
+    t.base_left.assign(t.work.size(), alone(form.base_level).base_left);
   }
   return t;
 }

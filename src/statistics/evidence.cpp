@@ -111,14 +111,14 @@ class Scales {
       }
       if (v.level < e_.lowest_base) continue;  // no part of any estimate
       if (is_finite(v) && !is_zero(v)) live_.push_back(i);
-      if (!v.votes()) continue;
-      votes_.push_back(i);
+      if (!v.usable()) continue;
+      usable_.push_back(i);
       e_.known += v.error <= known_error;
     }
     if (!live_.empty()) e_.last_difference = e_.voices[live_.back()].level;
-    if (!votes_.empty()) {
-      e_.first_vote = e_.voices[votes_.front()].level;
-      e_.last_vote = e_.voices[votes_.back()].level;
+    if (!usable_.empty()) {
+      e_.first_usable = e_.voices[usable_.front()].level;
+      e_.last_usable = e_.voices[usable_.back()].level;
     }
     work();
     courses();
@@ -126,7 +126,7 @@ class Scales {
     if (e_.end != End::none) return std::move(e_);
     if (e_.courses.empty()) {
       e_.reasons.push_back(
-          {WarningCode::few_levels, std::to_string(votes_.size()) + " levels are known, three are needed"});
+          {WarningCode::few_levels, std::to_string(usable_.size()) + " levels are known, three are needed"});
       return std::move(e_);
     }
     changes();
@@ -196,7 +196,7 @@ class Scales {
   // R2 and R3.
   void courses() {
     std::vector<statistics::Observation> seen;
-    for (const std::size_t i : votes_) {
+    for (const std::size_t i : usable_) {
       seen.push_back({static_cast<double>(fact(i).level), voice(i).log2_second, voice(i).error});
     }
     if (seen.size() < 3) return;
@@ -219,7 +219,7 @@ class Scales {
     if (e_.contradiction) {
       e_.reasons.push_back(
           {WarningCode::declared_rates, "declared decay " + to_text(e_.contradiction->declared) + "; " +
-                                            levels_text(e_.first_vote, e_.last_vote) + " show " +
+                                            levels_text(e_.first_usable, e_.last_usable) + " show " +
                                             (e_.contradiction->shown > e_.contradiction->error ? "" : "no fall, ") +
                                             short_text(e_.contradiction->shown) + " +- " +
                                             short_text(e_.contradiction->error) + ": wrong, or not there yet"});
@@ -246,7 +246,7 @@ class Scales {
     }
     if (!live_.empty() && beside_value(live_.back()) < drowned) return;  // the decay decides
     // Zeros behind levels that have not shown what they are end nothing.
-    if (!live_.empty() && !voice(live_.back()).votes()) return;
+    if (!live_.empty() && !voice(live_.back()).usable()) return;
     double draws = 0;
     for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
     if (sequence_.constant_limit && deepest_value() < e_.facts.size()) {
@@ -352,7 +352,7 @@ class Scales {
     std::vector<double> rarity;
     std::vector<double> absolute;  // b - log2 kappa: of a rare event with E |D| bounded it does not grow
     std::vector<double> absolute_errors;
-    for (const std::size_t i : votes_) {
+    for (const std::size_t i : usable_) {
       if (voice(i).hits < few) continue;
       k.push_back(static_cast<double>(fact(i).level));
       rarity.push_back(voice(i).log2_rarity);
@@ -374,11 +374,11 @@ class Scales {
   }
 
   [[nodiscard]] bool steepens(double scatter) const {
-    const std::size_t n = std::min<std::size_t>(6, votes_.size());
+    const std::size_t n = std::min<std::size_t>(6, usable_.size());
     if (n < 4) return false;
-    const std::size_t a = votes_[votes_.size() - n];
-    const std::size_t b = votes_[votes_.size() - n + n / 2];
-    const std::size_t c = votes_.back();
+    const std::size_t a = usable_[usable_.size() - n];
+    const std::size_t b = usable_[usable_.size() - n + n / 2];
+    const std::size_t c = usable_.back();
     const auto fall = [&](std::size_t from, std::size_t to) {
       const auto steps = static_cast<double>(fact(to).level - fact(from).level);
       return std::pair((voice(from).log2_second - voice(to).log2_second) / steps,
@@ -398,18 +398,18 @@ class Scales {
   void unseen() {
     const auto roots_of = [&](std::size_t i) { return (voice(i).log2_second + std::log2(fact(i).work)) / 2; };
     double seen = 0;
-    for (std::size_t j = 0; j + 1 < votes_.size(); ++j) {  // the gaps between the votes filled in
-      const double a = roots_of(votes_[j]);
-      const double b = roots_of(votes_[j + 1]);
-      const auto steps = static_cast<double>(fact(votes_[j + 1]).level - fact(votes_[j]).level);
+    for (std::size_t j = 0; j + 1 < usable_.size(); ++j) {  // the gaps between the usable levels filled in
+      const double a = roots_of(usable_[j]);
+      const double b = roots_of(usable_[j + 1]);
+      const auto steps = static_cast<double>(fact(usable_[j + 1]).level - fact(usable_[j]).level);
       for (double s = 0; s < steps; ++s) seen += std::exp2(a + s / steps * (b - a));
     }
-    seen += std::exp2(roots_of(votes_.back()));
+    seen += std::exp2(roots_of(usable_.back()));
     for (std::size_t i = 0; i < e_.facts.size(); ++i) {
       const bool is_first = fact(i).is_base || (base_ < 0 && i == 0);
       if (is_first && fact(i).value_variance > 0) seen += std::sqrt(fact(i).value_variance * fact(i).work);
     }
-    const statistics::Horizon horizon = statistics::horizon_of(e_.last_vote);
+    const statistics::Horizon horizon = statistics::horizon_of(e_.last_usable);
     std::vector<double> roots;
     for (const std::int64_t k : horizon.levels) roots.push_back(log2_work(e_, k) / 2);
     std::vector<double> u;
@@ -421,7 +421,7 @@ class Scales {
         u.push_back(1);
         continue;
       }
-      const double rest = statistics::sum_beyond(c, e_.last_vote, horizon, 0.5, roots, l);
+      const double rest = statistics::sum_beyond(c, e_.last_usable, horizon, 0.5, roots, l);
       u.push_back(rest / (rest + seen));
     }
     e_.diverges = diverges / static_cast<double>(e_.courses.size());
@@ -434,7 +434,7 @@ class Scales {
     const double p = e_.diverges;
     std::size_t unclear = 0;
     std::size_t counted = 0;
-    for (const std::size_t i : votes_) {
+    for (const std::size_t i : usable_) {
       if (fact(i).level < e_.lowest_base) continue;
       ++counted;
       unclear += voice(i).tail != LevelTail::light;
@@ -442,7 +442,7 @@ class Scales {
     // Deeper levels of fewer draws are not to be called fine because they have not shown what shallower ones have.
     const bool doubtful = e_.missing_moments && 3 * unclear > counted;
     // A decay like a power beside work like a power converges late: only many levels tell it from a slow exponential.
-    const bool long_power = e_.last_vote >= many_levels && polynomial_share_ >= 1 - shown_p;
+    const bool long_power = e_.last_usable >= many_levels && polynomial_share_ >= 1 - shown_p;
     const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2 && !long_power;
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
     if (doubtful) {
@@ -475,10 +475,10 @@ class Scales {
   const SequenceFacts& sequence_;
   bool budget_spent_;
   std::int64_t base_ = -1;
-  double polynomial_share_ = 0;     // of the courses
-  std::vector<std::size_t> all_;    // levels with differences
-  std::vector<std::size_t> live_;   // of them, those that are not zero
-  std::vector<std::size_t> votes_;  // of these
+  double polynomial_share_ = 0;      // of the courses
+  std::vector<std::size_t> all_;     // levels with differences
+  std::vector<std::size_t> live_;    // of them, those that are not zero
+  std::vector<std::size_t> usable_;  // of these
 };
 
 }  // namespace
@@ -550,19 +550,19 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   const auto size = static_cast<std::size_t>(last) + 1;
   std::vector<Believed> b(size);
   const auto at = [&](std::int64_t level) -> Believed& { return b[static_cast<std::size_t>(level)]; };
-  std::vector<const LevelVoice*> votes;
+  std::vector<const LevelVoice*> usable;
   for (const LevelVoice& v : e.voices) {
-    if (v.votes()) votes.push_back(&v);
+    if (v.usable()) usable.push_back(&v);
   }
   const double scatter = statistics::scatter_of(e.courses);
   // Measured, and between measured ones: there the larger neighbour counts where levels scatter widely.
   constexpr double wide = 0.5;
-  for (std::size_t i = 0; i < votes.size(); ++i) {
-    if (votes[i]->level > last) break;
-    at(votes[i]->level) = {votes[i]->log2_second, votes[i]->error};
-    if (i + 1 == votes.size()) continue;
-    const LevelVoice& from = *votes[i];
-    const LevelVoice& to = *votes[i + 1];
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    if (usable[i]->level > last) break;
+    at(usable[i]->level) = {usable[i]->log2_second, usable[i]->error};
+    if (i + 1 == usable.size()) continue;
+    const LevelVoice& from = *usable[i];
+    const LevelVoice& to = *usable[i + 1];
     const double top = std::max(from.log2_second, to.log2_second);
     for (std::int64_t k = from.level + 1; k < std::min(to.level, last + 1); ++k) {
       const double s = static_cast<double>(k - from.level) / static_cast<double>(to.level - from.level);
@@ -570,12 +570,12 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       at(k) = {scatter > wide ? top : line, std::hypot(from.error + s * (to.error - from.error), scatter)};
     }
   }
-  if (!e.courses.empty() && last > e.last_vote) {
+  if (!e.courses.empty() && last > e.last_usable) {
     // Far beyond, a few levels an octave, and lines between them.
     std::vector<double> paths(e.courses.size());
-    std::int64_t previous = e.last_vote;
-    for (std::int64_t k = e.last_vote + 1; k <= last;) {
-      for (std::size_t i = 0; i < paths.size(); ++i) paths[i] = statistics::course_at(e.courses[i], e.last_vote, k);
+    std::int64_t previous = e.last_usable;
+    for (std::int64_t k = e.last_usable + 1; k <= last;) {
+      for (std::size_t i = 0; i < paths.size(); ++i) paths[i] = statistics::course_at(e.courses[i], e.last_usable, k);
       const auto quantile = [&](double q) {
         const auto nth = paths.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(paths.size()));
         std::nth_element(paths.begin(), nth, paths.end());
@@ -590,7 +590,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       }
       previous = k;
       if (k == last) break;
-      const std::int64_t beyond = k - e.last_vote;
+      const std::int64_t beyond = k - e.last_usable;
       k = std::min(last, k + (beyond < 32 ? 1 : beyond / 8));
     }
   }
@@ -598,7 +598,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   for (std::size_t i = 0; i < e.facts.size(); ++i) {
     const LevelVoice& v = e.voices[i];
     if (e.facts[i].is_base || v.level > last || !is_finite(v) || is_zero(v)) continue;
-    if (v.votes() && !e.courses.empty()) continue;  // measured
+    if (v.usable() && !e.courses.empty()) continue;  // measured
     Believed& here = at(v.level);
     if (!(here.log2_second < v.log2_second)) continue;
     if (v.log2_second - here.log2_second <= 2 * here.error) {  // as the course has it
@@ -608,7 +608,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     }
   }
   const bool over = e.end != End::none && e.grade == Grade::shown;
-  // Zeros: the rule of three. Too few votes for a course: as the work asks for.
+  // Zeros: the rule of three. Too few usable levels for a course: as the work asks for.
   // Before the first difference: as large as the value.
   LevelFacts value;
   const LevelFacts* before = nullptr;

@@ -76,7 +76,7 @@ const LevelVoice* voice_at(const Evidence& e, std::int64_t level) {
   return nullptr;
 }
 
-// The contributions fall over the last third of the votes: nothing infinite to be seen.
+// The contributions fall over the last third of the usable levels: nothing infinite to be seen.
 bool do_not_fall(const std::vector<double>& contributions) {
   if (contributions.size() < 3) return false;
   if (contributions.size() == 3) {  // every step up
@@ -104,7 +104,7 @@ class Sum {
     std::vector<statistics::Observation> own;
     std::vector<statistics::Observation> ratios;
     for (const LevelVoice& v : e.voices) {
-      if (!v.votes()) continue;
+      if (!v.usable()) continue;
       const bool second = power == 1;
       // E D^4 is known three times worse, at its best.
       const double moment = second ? v.log2_second : 2 * v.log2_second + v.log2_rarity;
@@ -140,11 +140,11 @@ class Sum {
       sum += (of_ratios_ ? 0 : power_ * (p_.power() ? p_.exponent() : p_.fall())) - c.slope;
     return sum / static_cast<double>(courses_.size());
   }
-  // The part of the sum in levels beyond the last vote, at 99.5 %.
+  // The part of the sum in levels beyond the last usable one, at 99.5 %.
   [[nodiscard]] double unseen() const {
     double seen = 0;
     for (const double x : contributions) seen += std::exp2(std::clamp(x, -1000.0, 900.0));
-    const statistics::Horizon horizon = statistics::horizon_of(e_.last_vote);
+    const statistics::Horizon horizon = statistics::horizon_of(e_.last_usable);
     std::vector<double> offsets;
     for (const std::int64_t k : horizon.levels) offsets.push_back(of_ratios_ ? 0 : -power_ * p_.at(k));
     std::vector<double> u;
@@ -154,14 +154,14 @@ class Sum {
         u.push_back(1);
         continue;
       }
-      const double rest = statistics::sum_beyond(c, e_.last_vote, horizon, 1, offsets, l);
+      const double rest = statistics::sum_beyond(c, e_.last_usable, horizon, 1, offsets, l);
       u.push_back(rest / (rest + seen));
     }
     std::sort(u.begin(), u.end());
     return u[static_cast<std::size_t>((1 - shown_p) * static_cast<double>(u.size() - 1) + 0.5)];
   }
 
-  std::vector<double> contributions;  // of levels that vote, in octaves
+  std::vector<double> contributions;  // of usable levels, in octaves
 
  private:
   // How much faster than necessary the terms fall.
@@ -181,16 +181,16 @@ class Sum {
 
 }  // namespace
 
-SumVerdict judge(const Evidence& e, const Masses& masses) {
-  using Value = SumVerdict::Value;
-  SumVerdict v;
+SumConvergence judge(const Evidence& e, const Masses& masses) {
+  using Value = SumConvergence::Value;
+  SumConvergence v;
   if (e.end != End::none) {
     if (e.grade != Grade::open) v = {Value::finite, e.grade, 0, 0, -infinity};
     return v;
   }
   Logarithms p(masses);
   if (e.courses.empty() || p.empty()) return v;
-  p.look_at(std::max(e.last_vote, p.first() + 1) + 8);
+  p.look_at(std::max(e.last_usable, p.first() + 1) + 8);
   const Sum sum(e, p, 1);
   v.diverges = sum.diverges();
   v.growth = sum.growth();
@@ -226,7 +226,7 @@ double fourth_moment_diverges(const Evidence& e, const Masses& masses) {
   if (e.end != End::none) return e.grade == Grade::open ? 0.5 : 0;
   Logarithms p(masses);
   if (e.courses.empty() || p.empty()) return 0.5;
-  p.look_at(std::max(e.last_vote, p.first() + 1) + 8);
+  p.look_at(std::max(e.last_usable, p.first() + 1) + 8);
   return Sum(e, p, 3).diverges();
 }
 
@@ -243,18 +243,18 @@ namespace {
 
 constexpr std::int64_t most_left_out = 64;  // levels that nobody has seen
 
-// log2 kappa beyond the votes: as it grew over the last of them.
+// log2 kappa beyond the usable levels: as it grew over the last of them.
 class RarityTrend {
  public:
   explicit RarityTrend(const Evidence& e) {
     const LevelVoice* first = nullptr;
     const LevelVoice* last = nullptr;
-    int votes = 0;
-    for (auto v = e.voices.rbegin(); v != e.voices.rend() && votes < 4; ++v) {
-      if (!v->votes()) continue;
+    int usable = 0;
+    for (auto v = e.voices.rbegin(); v != e.voices.rend() && usable < 4; ++v) {
+      if (!v->usable()) continue;
       if (last == nullptr) last = &*v;
       first = &*v;
-      ++votes;
+      ++usable;
     }
     if (last == nullptr) {  // at least as rare as the commonest differences that were seen
       height_ = infinity;
@@ -266,7 +266,7 @@ class RarityTrend {
     }
     level_ = last->level;
     height_ = last->log2_rarity;
-    if (votes > 1) {
+    if (usable > 1) {
       slope_ =
           std::max(0.0, (last->log2_rarity - first->log2_rarity) / static_cast<double>(last->level - first->level));
     }
@@ -309,7 +309,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   double sign = 1;
   for (std::size_t i = 0; i < e.voices.size(); ++i) {
     const LevelFacts& f = e.facts[i];
-    if (!e.voices[i].votes() || !(f.second_moment > 0)) continue;
+    if (!e.voices[i].usable() || !(f.second_moment > 0)) continue;
     share_of_mean = std::min(1.0, std::abs(f.mean) / std::sqrt(f.second_moment));
     sign = f.mean < 0 ? -1 : 1;
   }

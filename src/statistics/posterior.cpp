@@ -20,7 +20,7 @@ constexpr double light_z = -1.5;
 constexpr double light_index = 0.25;  // below, errors fall like n^-1/2
 constexpr double most_index = 0.49;   // and above at least like n^-(1 - 2 k)
 constexpr double most_rarity = 0x1p60;
-constexpr double most_error = 3;  // octaves of a vote
+constexpr double most_error = 3;  // octaves of a usable level
 
 LevelTail tail_of(const LevelFacts& f) {
   if (f.second_moment == 0 || std::isnan(f.tail_index)) return LevelTail::light;
@@ -115,7 +115,7 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     if (v.hits < few) {
       if (f.draws < fewest_draws) continue;
       ++failures;
-      // Deeper levels vote only because they missed what is rare.
+      // Deeper levels look usable only because they missed what is rare.
       if (started && (failures >= 2 || f.draws >= many_draws)) ended = true;
       continue;
     }
@@ -306,30 +306,30 @@ double scatter_of(std::span<const Course> courses) {
   return *middle;
 }
 
-double course_at(const Course& c, std::int64_t last_vote, std::int64_t level) {
+double course_at(const Course& c, std::int64_t last_usable, std::int64_t level) {
   const auto k = static_cast<double>(level);
-  const auto k0 = static_cast<double>(last_vote);
+  const auto k0 = static_cast<double>(last_usable);
   const double x = c.polynomial ? std::log2((k + 1) / (k0 + 1)) : k - k0;
   return c.at_last - (c.limit + (c.slope - c.limit) * std::exp2(-std::min(x, 50.0))) * x;
 }
 
-Horizon horizon_of(std::int64_t last_vote) {
+Horizon horizon_of(std::int64_t last_usable) {
   Horizon h;
-  for (std::int64_t i = 1; i <= 32; ++i) h.levels.push_back(last_vote + i);
+  for (std::int64_t i = 1; i <= 32; ++i) h.levels.push_back(last_usable + i);
   for (int i = 1; i <= 24; ++i) {
-    h.levels.push_back(last_vote + static_cast<std::int64_t>(32 * std::exp2(i / 2.0) + 0.5));
+    h.levels.push_back(last_usable + static_cast<std::int64_t>(32 * std::exp2(i / 2.0) + 0.5));
   }
   return h;
 }
 
-double sum_beyond(const Course& c, std::int64_t last_vote, const Horizon& h, double factor,
+double sum_beyond(const Course& c, std::int64_t last_usable, const Horizon& h, double factor,
                   std::span<const double> offsets, double lambda) {
   const auto term = [&](std::size_t i) {
-    return std::exp2(std::clamp(factor * course_at(c, last_vote, h.levels[i]) + offsets[i], -1000.0, 900.0));
+    return std::exp2(std::clamp(factor * course_at(c, last_usable, h.levels[i]) + offsets[i], -1000.0, 900.0));
   };
   double sum = 0;
   double before = 0;
-  std::int64_t from = last_vote;
+  std::int64_t from = last_usable;
   for (std::size_t i = 0; i < h.levels.size(); ++i) {
     const double here = term(i);
     const auto gap = static_cast<double>(h.levels[i] - from);

@@ -38,18 +38,18 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
 /// Of single levels about the trend, in octaves: the median.
 double scatter_of(std::span<const Course> courses);
 
-/// b at a level beyond the last vote. The slope settles within some levels.
-double course_at(const Course& course, std::int64_t last_vote, std::int64_t level);
+/// b at a level beyond the last usable one. The slope settles within some levels.
+double course_at(const Course& course, std::int64_t last_usable, std::int64_t level);
 
-/// Levels beyond the last vote: 32 single ones, then two an octave.
+/// Levels beyond the last usable one: 32 single ones, then two an octave.
 struct Horizon {
   std::vector<std::int64_t> levels;
 };
-Horizon horizon_of(std::int64_t last_vote);
+Horizon horizon_of(std::int64_t last_usable);
 
 /// sum over the levels beyond of 2^(factor b_k + offset_k), for offsets at the levels of the horizon; what lies beyond
 /// it falls like 2^(-lambda k), or k^(-lambda - 1).
-double sum_beyond(const Course& course, std::int64_t last_vote, const Horizon& horizon, double factor,
+double sum_beyond(const Course& course, std::int64_t last_usable, const Horizon& horizon, double factor,
                   std::span<const double> offsets, double lambda);
 
 inline double normal_cdf(double x) { return 0.5 * std::erfc(-x / 1.4142135623730951); }

@@ -146,10 +146,10 @@ void Pilot::check_time(std::int64_t level) const {
   refuse_time(level, each);
 }
 
-Survey Pilot::concluded(bool budget_spent) const {
+Survey Pilot::survey(bool budget_spent) const {
   std::vector<SurveyRow> rows;
   for (const auto& [level, s] : drawn_) rows.push_back(row_of(s, level, work_of_.at(level)));
-  return conclude(std::move(rows), plan_.seed, runs_.facts, budget_spent);
+  return survey_of(std::move(rows), plan_.seed, runs_.facts, budget_spent);
 }
 
 }  // namespace debias

@@ -24,7 +24,7 @@ class Pilot {
   /// Draws until the levels up to `deepest` have cost `work` in all.
   void grow(double work, std::int64_t deepest);
   /// What the levels say. `budget_spent`: a no may be said.
-  [[nodiscard]] Survey concluded(bool budget_spent) const;
+  [[nodiscard]] Survey survey(bool budget_spent) const;
   /// Of all draws so far.
   [[nodiscard]] double work() const { return work_; }
   [[nodiscard]] std::int64_t levels() const { return static_cast<std::int64_t>(drawn_.size()); }

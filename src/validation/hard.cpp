@@ -58,7 +58,7 @@ void add_lambda(std::vector<HardCase>& cases) {
       series([](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); }, factorial_terms);
   for (const double lambda : {2.0, 60.0}) {
     cases.push_back(hard_case("sum 1/k!, Poisson law", equals("lambda", lambda), std::exp(1.0),
-                              single_term(terms, Poisson(lambda), {.base = Base::drawn})));
+                              single_term(terms, Poisson(lambda), {.base = Base::one_outcome})));
   }
 }
 
@@ -112,7 +112,7 @@ void add_alternating(std::vector<HardCase>& cases) {
   };
   for (const double x : {1.0, 10.0, 40.0}) {
     cases.push_back(hard_case("e^-x, Poisson law", equals("x", x), std::exp(-x),
-                              single_term(terms(x), Poisson(x), {.base = Base::drawn})));
+                              single_term(terms(x), Poisson(x), {.base = Base::one_outcome})));
   }
   for (const double x : {1.0, 10.0, 40.0}) {
     cases.push_back(

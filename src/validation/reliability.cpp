@@ -211,7 +211,7 @@ class Measurement {
     for (const char* spec :
          {"geometric:r=0.6", "geometric:r=0.4", "geometric:r=0.5", "zeta:s=3", "tabulated:0.5,0.3,0.2;tail=0.5"}) {
       const AnyPmf pmf = AnyPmf::parse(spec);
-      const Choice choice{.method = Method::single_term_drawn, .pmf = pmf};
+      const Choice choice{.method = Method::single_term_outcome, .pmf = pmf};
       const Statistics run = p.run(choice, plan_of(plan_.samples, plan_.seed, "pmfs"));
       double sum = 0;
       double second = 0;
@@ -281,7 +281,7 @@ class Measurement {
     for (const Regime& r : cases) {
       const Choice choice = r.choice();
       const bool finite = r.index < 0.5;
-      const Verdict v = judge(rates_of(r.the_problem(), r.method), choice.pmf.tail_exponent());
+      const DeclaredFiniteness v = judge(rates_of(r.the_problem(), r.method), choice.pmf.tail_exponent());
       analytic += v.finite_variance == finite;
       std::vector<double> indices;
       for (int i = 1; i <= runs; ++i) {

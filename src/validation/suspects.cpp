@@ -133,7 +133,7 @@ std::vector<std::string> failures_on_nonfinite_values() {
     const Geometric pmf = Geometric::with_exponent(1.5);
     const std::string what = std::string(" on ") + names[static_cast<std::size_t>(kind)];
     judge_one("single_term" + what, kind, single_term(sequence, pmf));
-    judge_one("single_term_drawn" + what, kind, single_term(sequence, pmf, {.base = Base::drawn}));
+    judge_one("single_term_outcome" + what, kind, single_term(sequence, pmf, {.base = Base::one_outcome}));
     judge_one("independent_sum" + what, kind, independent_sum(sequence, pmf));
     judge_one("truncated" + what, kind, truncated(sequence, 2));
     const auto terms = series([kind](std::int64_t k) {

@@ -38,7 +38,7 @@ double probability(const Choice& choice, std::int64_t j) {
   switch (choice.method) {
     case Method::single_term:
       return j > 0 ? choice.pmf.mass(j - 1) : 1;
-    case Method::single_term_drawn:
+    case Method::single_term_outcome:
       return choice.pmf.mass(j);
     default:
       return choice.pmf.tail(j);
@@ -54,8 +54,8 @@ bool is_refused(const Problem& problem, const Choice& choice) {
 std::string refusal(const Rates& rates) {
   const std::string base = rates.decay == Decay::geometric ? "2^(" : "k^(";
   const std::string k = rates.decay == Decay::geometric ? " k)" : ")";
-  return "no PMF has both finite variance and finite work: E D_k^2 ~ " + base + format("%g", -rates.variance_decay) + k +
-         ", work ~ " + base + format("%g", rates.work_growth) + k;
+  return "no PMF has both finite variance and finite work: E D_k^2 ~ " + base + format("%g", -rates.variance_decay) +
+         k + ", work ~ " + base + format("%g", rates.work_growth) + k;
 }
 
 bool is_baseline(const Choice& choice) { return choice.special.empty() && choice.method == Method::truncated; }

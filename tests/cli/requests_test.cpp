@@ -72,7 +72,7 @@ TEST_CASE("what nobody types is the default of the request", "[cli][requests][ex
 TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
   const auto run = read<commands::RunRequest>("run", {{"problem", "square-of-mean"},
                                                       {"pmf", "zeta:s=2.5"},
-                                                      {"estimator", "single_term_drawn"},
+                                                      {"estimator", "single_term_outcome"},
                                                       {"base_level", "3"},
                                                       {"block", "1e1"},
                                                       {"seconds", "2.5s"},
@@ -80,7 +80,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
                                                       {"seed", "18446744073709551615"}});
   CHECK(run.problem->id == "A10");
   CHECK(std::get<AnyPmf>(run.shape.pmf).spec() == "zeta:s=2.5");
-  CHECK(run.shape.estimator->method == catalog::Method::single_term_drawn);
+  CHECK(run.shape.estimator->method == catalog::Method::single_term_outcome);
   CHECK(run.shape.base_level == 3);
   CHECK(run.shape.block == 10);
   CHECK(run.sampling.goal.seconds == 2.5);
@@ -116,7 +116,7 @@ TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests
     for (const std::int64_t block : {1, 1000, 100'000}) {
       commands::RunRequest r{.problem = &problem, .shape = {.pmf = pmf, .block = block}};
       CHECK(survives(r));
-      r.shape.estimator = Estimator{catalog::Method::single_term_drawn};
+      r.shape.estimator = Estimator{catalog::Method::single_term_outcome};
       r.shape.base_level = 12;
       r.sampling.samples = 123'456'789;
       r.sampling.seed = 18446744073709551615u;

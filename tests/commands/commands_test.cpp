@@ -217,8 +217,8 @@ TEST_CASE("samples are members at the doors: run, resume, shards, sweep and repl
     if (!p.measured) continue;
     measured = true;
     const Statistics one = problem().run(
-        {sweep.setup.base == Base::always ? catalog::Method::single_term : catalog::Method::single_term_drawn, p.pmf,
-         sweep.setup.base_level, "", 16},
+        {sweep.setup.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
+         p.pmf, sweep.setup.base_level, "", 16},
         {.samples = 4000});
     CHECK(p.variance == one.components[0].variance);
     CHECK(p.work == one.work_per_sample());

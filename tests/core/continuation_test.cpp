@@ -174,7 +174,7 @@ TEST_CASE("tightening a goal: bias and coverage of six rules over 10000 replicat
   const auto doubling = single_term(reciprocal([](Stream& rng) { return 0.25 + rng.exponential(); }));
   // exp(-4), ratio tracking below a majorant of 8.
   const auto tracking = single_term(taylor([](Stream& rng) { return 8 * rng.uniform(); }, functions::ExpMinus{}, 8),
-                                    Poisson(8), {.base = Base::drawn});
+                                    Poisson(8), {.base = Base::one_outcome});
 
   const Rules skewed[] = {six([](Stream& rng) { return rng.exponential(); }, 1, 1),
                           six(lognormal, std::exp(0.5), lognormal_deviation), six(pareto, 1.5, std::sqrt(0.75)),

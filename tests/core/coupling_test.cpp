@@ -130,7 +130,8 @@ TEST_CASE("the exchange of fine and coarse is found at 10,000 samples, by every 
   tried("single_term 0.65", [](const Squared& s) { return single_term(s, Geometric(0.65)); });
   tried("single_term 0.5", [](const Squared& s) { return single_term(s, Geometric(0.5)); });
   tried("single_term 0.75", [](const Squared& s) { return single_term(s, Geometric(0.75)); });
-  tried("base drawn", [](const Squared& s) { return single_term(s, Geometric(0.6), {.base = Base::drawn}); });
+  tried("base one outcome",
+        [](const Squared& s) { return single_term(s, Geometric(0.6), {.base = Base::one_outcome}); });
   tried("base 1", [](const Squared& s) { return single_term(s, Geometric(0.6), {.base_level = 1}); });
   tried("independent_sum", [](const Squared& s) { return independent_sum(s, Geometric(0.6)); });
   tried("progressive", [](const Squared& s) { return progressive(s, Geometric(0.6)); });
@@ -263,7 +264,7 @@ TEST_CASE("a draw of level 0 whose difference is not its value is refused, with 
   const auto wrong = at_zero(2, 1);
   const auto refuses = [](const auto& act) { CHECK_THROWS_WITH(act(), Contains("level 0: value 2 and difference 1")); };
   refuses([&] { estimate(single_term(wrong, Geometric(0.5)), ten_thousand); });
-  refuses([&] { estimate(single_term(wrong, Geometric(0.5), {.base = Base::drawn}), ten_thousand); });
+  refuses([&] { estimate(single_term(wrong, Geometric(0.5), {.base = Base::one_outcome}), ten_thousand); });
   refuses([&] { estimate(independent_sum(wrong, Geometric(0.5)), ten_thousand); });
   refuses([&] { estimate(truncated(wrong, 0), ten_thousand); });
   refuses([&] { estimate(recipe(wrong), ten_thousand); });
@@ -292,12 +293,12 @@ TEST_CASE("work that is negative or not finite is refused at every door, with it
     };
     const auto refuses = [](const auto& act) { CHECK_THROWS_WITH(act(), Contains("work = ") && Contains("level 1 ")); };
     refuses([&] { estimate(single_term(wrong, Geometric(0.5)), ten_thousand); });
-    refuses([&] { estimate(single_term(wrong, Geometric(0.5), {.base = Base::drawn}), ten_thousand); });
+    refuses([&] { estimate(single_term(wrong, Geometric(0.5), {.base = Base::one_outcome}), ten_thousand); });
     refuses([&] { estimate(stratified(single_term(wrong, Geometric(0.5)), 8), ten_thousand); });
     refuses([&] { estimate(independent_sum(wrong, Geometric(0.5)), ten_thousand); });
     refuses([&] { estimate(truncated(wrong, 1), ten_thousand); });
     refuses([&] { estimate(progressive(wrong, Geometric(0.5)), ten_thousand); });
-    refuses([&] { estimate(averaged(wrong, {.base_level = 1}), ten_thousand); });
+    refuses([&] { estimate(biased_progressive(wrong, {.base_level = 1}), ten_thousand); });
     refuses([&] { estimate(recipe(wrong), ten_thousand); });
     refuses([&] { survey(wrong, 4); });
     refuses([&] { multilevel(wrong, 0.1); });
@@ -340,7 +341,7 @@ TEST_CASE("zero differences of draws that vary at every level are a warning, of 
   };
   const auto everywhere = [&](const auto& s, const auto& matcher) {
     CHECK_THAT(warnings(single_term(s, Geometric(0.6))), matcher);
-    CHECK_THAT(warnings(single_term(s, Geometric(0.6), {.base = Base::drawn})), matcher);
+    CHECK_THAT(warnings(single_term(s, Geometric(0.6), {.base = Base::one_outcome})), matcher);
     CHECK_THAT(warnings(independent_sum(s, Geometric(0.6))), matcher);
   };
   everywhere(averages(1), Contains("all differences are exactly zero"));   // one draw stands for all

@@ -15,7 +15,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
-#include "python/rehearsing.hpp"
+#include "python/collecting.hpp"
 #include "validation/bits.hpp"
 
 #include <debias/core/estimate.hpp>
@@ -60,21 +60,21 @@ const auto debiased = single_term(squared_mean, Geometric(0.6));
 struct Memory {
   std::vector<Sample<double>> samples;
   std::size_t next = 0;
-  bool rehearsing = false;
+  bool collecting = false;
 
-  void rehearse(const std::function<void()>& draws) {
-    *this = {.samples = {}, .next = 0, .rehearsing = true};
+  void collect_queries(const std::function<void()>& draws) {
+    *this = {.samples = {}, .next = 0, .collecting = true};
     draws();
-    rehearsing = false;
+    collecting = false;
   }
 };
 
-/// The same, made in the rehearsal and only handed out in the run.
-struct Rehearsed {
+/// The same, made in the first pass and only handed out in the run.
+struct Collected {
   Memory* memory;
 
   Sample<double> operator()(Stream& rng) const {
-    if (!memory->rehearsing) return memory->samples.at(memory->next++);
+    if (!memory->collecting) return memory->samples.at(memory->next++);
     NullRecord record;
     memory->samples.push_back(debiased(rng, record));
     return {};
@@ -101,8 +101,8 @@ TEST_CASE("a run that is rehearsed sees each draw before it counts, in order", "
                            Plan{.seed = 7, .threads = 1, .goal = {.error = 0.02}}}) {
     CAPTURE(plan.samples);
     const auto expected = estimate(silent, plan);
-    const auto rehearsed = python::estimate_rehearsed(memory, Rehearsed{&memory}, plan);
-    CHECK(bits_of(rehearsed) == bits_of(expected));
+    const auto collected = python::estimate_collected(memory, Collected{&memory}, plan);
+    CHECK(bits_of(collected) == bits_of(expected));
     CHECK(memory.next == memory.samples.size());
   }
 }

@@ -122,15 +122,15 @@ TEST_CASE("a refusal holds its numbers", "[reach][exact]") {
 
 TEST_CASE("every estimator with a PMF knows what its level takes, and a block counts its members", "[reach][exact]") {
   const Geometric half(0.5);
-  CHECK(single_term(Halving{10}, half).reach(0).beyond == 0x1p-10);                         // 1 + J > 10
-  CHECK(single_term(Halving{10}, half, {.base = Base::drawn}).reach(0).beyond == 0x1p-11);  // J > 10
+  CHECK(single_term(Halving{10}, half).reach(0).beyond == 0x1p-10);                               // 1 + J > 10
+  CHECK(single_term(Halving{10}, half, {.base = Base::one_outcome}).reach(0).beyond == 0x1p-11);  // J > 10
   CHECK(independent_sum(Halving{10}, half, {.base_level = 2}).reach(0).beyond == 0x1p-9);
   CHECK(stratified(single_term(Halving{10}, half), 64).reach(0).block == 64);
   CHECK(progressive(Halving{10}, half, {.base_level = 0, .first_step = 1, .doublings = 1}).reach(7).beyond == 0x1p-7);
   CHECK(truncated(Halving{10}, 10).reach(0).beyond == 0);
   CHECK(truncated(Halving{10}, 11).reach(0).beyond == 1);
-  CHECK(averaged(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(2).beyond == 0);
-  CHECK(averaged(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(3).beyond == 1);
+  CHECK(biased_progressive(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(2).beyond == 0);
+  CHECK(biased_progressive(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(3).beyond == 1);
   const auto block = stratified(single_term(Halving{10}, Geometric(0.9)), 64);
   const std::string why = refusal_of([&] { estimate(block, {.samples = 1 << 24}); });  // at 1e-10 each
   CHECK_THAT(why, Contains("samples = 16777216 in blocks of 64 (") && Contains("take at most 10005056 samples"));
@@ -202,7 +202,7 @@ TEST_CASE("a Zeta whose levels do not fit 64 bits is drawn as long as none of th
   for (const double s : {1.05, 1.1, 1.2, 1.3}) {
     const double beyond = Zeta(s).tail(deepest_of_all);
     const std::string why =
-        refusal_of([&] { estimate(single_term(terms, Zeta(s), {.base = Base::drawn}), {.samples = 1 << 16}); });
+        refusal_of([&] { estimate(single_term(terms, Zeta(s), {.base = Base::one_outcome}), {.samples = 1 << 16}); });
     CHECK(beyond > 1e-6);
     CHECK_THAT(why, Contains("a level of 2^62 or more, which does not fit 64 bits") && Contains("zeta:s=1.4"));
   }

@@ -35,7 +35,7 @@ TEST_CASE("a batch draws the numbers of its members alone, whatever its size and
   }
 }
 
-TEST_CASE("a stratified batch has one first number in each stratum, and its other numbers as they were",
+TEST_CASE("a stratified batch has one first uniform in each stratum, and its other uniforms as they were",
           "[core][stream][exact]") {
   constexpr std::size_t size = 20;
   constexpr std::int64_t strata = 50;

@@ -179,7 +179,7 @@ TEST_CASE("the index is that of the levels, with beta and rho", "[verdict][exact
   for (const double xi : {0.1, 0.3, 0.6, 0.8}) {
     for (const double beta : {0.5, 2.0, 4.0}) {
       const LevelEvidence e = evidence({.beta = beta, .rho = beta / (2 * (1 - xi)), .kurtosis = 1, .samples = 1e9});
-      CAPTURE(xi, beta, e.votes);
+      CAPTURE(xi, beta, e.usable_levels);
       REQUIRE(e.available);
       CHECK(std::abs(e.tail_index - xi) < 0.005);
       CHECK(std::abs(e.beta - beta) < 0.02);
@@ -235,7 +235,7 @@ TEST_CASE("few or noisy levels decide nothing", "[verdict][exact]") {
   CHECK(verdict(near).variance == Finiteness::undecided);
 }
 
-TEST_CASE("levels that are too rare to vote can contradict those that did", "[verdict][exact]") {
+TEST_CASE("levels that are too rare to be usable can contradict those that are", "[verdict][exact]") {
   Statistics s = statistics_of({.beta = 2, .rho = 1.2, .kurtosis = 3, .samples = 1e5});
   REQUIRE(judge(s).variance == Finiteness::finite);
   for (LevelRow& row : s.levels) {
@@ -248,7 +248,7 @@ TEST_CASE("levels that are too rare to vote can contradict those that did", "[ve
   CHECK(v.variance == Finiteness::undecided);
 }
 
-TEST_CASE("rows without a probability do not vote", "[verdict][exact]") {
+TEST_CASE("rows without a probability are not usable", "[verdict][exact]") {
   const LevelEvidence none = evidence({.probability_until = 1});
   CHECK_FALSE(none.available);
   const LevelEvidence some = evidence({.probability_until = 6});

@@ -89,13 +89,13 @@ TEST_CASE("a tail says what follows from its index, beyond two errors", "[words]
 
 TEST_CASE("the verdict on rates names no PMF for differences that do not fall, and decides nothing of NaN",
           "[words][diagnostics][exact]") {
-  const Verdict none = judge(Rates{0, 0}, TailExponent{1});
+  const DeclaredFiniteness none = judge(Rates{0, 0}, TailExponent{1});
   CHECK_FALSE(none.finite_variance);
   CHECK_THAT(none.sentence, Catch::Contains("even the mean is infinite") && Catch::Contains("E D_k^2 does not fall"));
   CHECK_THAT(judge(Rates{-0.5, 0}, TailExponent{1}).sentence, Catch::Contains("E D_k^2 grows like 2^(0.5 k)"));
   CHECK_THAT(judge(Rates{1, 0.5}, TailExponent{2}).sentence, Catch::Contains("the standard error is too small"));
   for (const Rates& unknown : {Rates{nan_value, 1}, Rates{1, nan_value}}) {
-    const Verdict v = judge(unknown, TailExponent{1});
+    const DeclaredFiniteness v = judge(unknown, TailExponent{1});
     CHECK_FALSE(v.decided);
     CHECK_FALSE(v.finite_variance);
     CHECK_THAT(v.sentence, Catch::Contains("the rates are not known") && !Catch::Contains("INFINITE"));
@@ -104,7 +104,7 @@ TEST_CASE("the verdict on rates names no PMF for differences that do not fall, a
   m.variance_decay = {-0.04, 0.05};
   m.fourth_decay = {-0.1, 0.1};
   m.work_growth = {0, 0};
-  const MeasuredVerdict flat = judge(m, TailExponent{1});
+  const MeasuredFiniteness flat = judge(m, TailExponent{1});
   CHECK(flat.variance == Finiteness::infinite);
   CHECK_THAT(flat.sentence, Catch::Contains("E D_k^2 does not fall") && !Catch::Contains("smaller exponent"));
   m.variance_decay = {1, 0.05};

@@ -41,7 +41,7 @@ TEST_CASE("progressive is unbiased at every index: in every group of one base le
   }
   // Power: the biased form is caught by the same claim where its bias is known, 2^-m.
   const std::int64_t first = schedule.first_index(3);
-  const auto biased = estimate(averaged(SquaredMean{}, schedule),
+  const auto biased = estimate(biased_progressive(SquaredMean{}, schedule),
                                {.samples = schedule.first_index(4) - first, .seed = 2, .first = first});
   CHECK(std::abs(biased.mean - (1 + 1.0 / 8)) < 4.5 * biased.standard_error);
   CHECK(std::abs(biased.mean - 1) > 4.5 * biased.standard_error);
@@ -51,12 +51,12 @@ TEST_CASE("the classic average is biased at every index and converges", "[progre
   const GeometricSeries series{.q = 0.5};
   double before = 1;
   for (const std::int64_t samples : {1 << 8, 1 << 12, 1 << 16}) {
-    const double error = series.truth() - estimate(averaged(series, schedule), {.samples = samples}).mean;
+    const double error = series.truth() - estimate(biased_progressive(series, schedule), {.samples = samples}).mean;
     CHECK(error > 0);
     CHECK(error < 0.6 * before);
     before = error;
   }
-  CHECK(laws::names(estimator_laws(averaged(SquaredMean{}, schedule), 1, {.repeats = 0}), "unbiased"));
+  CHECK(laws::names(estimator_laws(biased_progressive(SquaredMean{}, schedule), 1, {.repeats = 0}), "unbiased"));
 }
 
 TEST_CASE("the schedule counts doublings of the index, and first_index inverts it", "[progressive][exact]") {
@@ -69,5 +69,6 @@ TEST_CASE("the schedule counts doublings of the index, and first_index inverts i
     CHECK(schedule.level(static_cast<std::uint64_t>(first) - 1) == m - 1);
   }
   CHECK_THROWS_AS(progressive(Steady{}, pmf, {.doublings = 0}), std::invalid_argument);
-  CHECK_THROWS_WITH(averaged(Steady{}, {.base_level = -2}), Catch::Contains("averaged: base_level = -2"));
+  CHECK_THROWS_WITH(biased_progressive(Steady{}, {.base_level = -2}),
+                    Catch::Contains("biased_progressive: base_level = -2"));
 }

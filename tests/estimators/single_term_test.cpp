@@ -29,8 +29,8 @@ const Geometric pmf(0.55);
 template <class S>
 void check_everywhere(const S& sequence) {
   for (const std::int64_t m : {0, 1, 3}) {
-    for (const Base how : {Base::always, Base::drawn}) {
-      CAPTURE(m, how == Base::drawn);
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
+      CAPTURE(m, how == Base::one_outcome);
       CHECK(estimator_laws(single_term(sequence, pmf, {.base_level = m, .base = how}), sequence.truth()) == Failures{});
     }
   }
@@ -76,8 +76,8 @@ TEST_CASE("single_term without a PMF takes the one that the declared rates ask f
 
 TEST_CASE("single_term names its PMF, base level and kind of base", "[single_term][exact]") {
   CHECK(single_term(Steady{}, pmf).describe() == "single_term, geometric:r=0.55, base level 0");
-  CHECK(single_term(Steady{}, pmf, {.base_level = 3, .base = Base::drawn}).describe() ==
-        "single_term, base drawn, geometric:r=0.55, base level 3");
+  CHECK(single_term(Steady{}, pmf, {.base_level = 3, .base = Base::one_outcome}).describe() ==
+        "single_term, base one outcome, geometric:r=0.55, base level 3");
 }
 
 // ---- power
@@ -99,7 +99,7 @@ TEST_CASE("the laws reject a PMF off by one, no weights, and a PMF that is cut a
   const Geometric steep(0.7);  // with 0.55, the square of a mean without weights comes out right by accident
   const auto check = [&steep](const auto& sequence) {
     const double truth = sequence.truth();
-    for (const Base how : {Base::always, Base::drawn}) {
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
       CHECK(rejected(single_term(sequence, PmfOffByOne{steep}, {.base = how}), truth));
       CHECK(rejected(single_term(sequence, NoReweighting{steep}, {.base = how}), truth));
       CHECK(rejected(single_term(sequence, Renormalised{steep, 1}, {.base = how}), truth));
@@ -113,7 +113,7 @@ TEST_CASE("the laws reject a PMF off by one, no weights, and a PMF that is cut a
 
 TEST_CASE("the laws reject a dropped base, and a shared base of one residue of a comb", "[single_term][statistical]") {
   for (const std::int64_t m : {0, 2}) {
-    for (const Base how : {Base::always, Base::drawn}) {
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
       const SingleTermOptions options{.base_level = m, .base = how};
       CHECK(rejected(single_term(BaseDropped<GeometricSeries>{{}}, pmf, options), GeometricSeries{}.truth()));
       CHECK(rejected(single_term(BaseDropped<SquaredMean>{{}}, pmf, options), 1));
@@ -148,7 +148,8 @@ double weighted(const Geometric& p, std::int64_t first, const SecondMoment& seco
 
 }  // namespace
 
-TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base always or drawn", "[single_term][statistical]") {
+TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base in every sample or one outcome",
+          "[single_term][statistical]") {
   const GeometricSeries series;
   const Geometric p(0.5);
   for (const std::int64_t m : {0, 1, 3}) {
@@ -162,11 +163,11 @@ TEST_CASE("without noise the variance is sum D^2 / p - (sum D)^2, base always or
       return estimate(single_term(series, p, {.base_level = m, .base = how}), {.samples = 200'000, .seed = 3});
     };
     CAPTURE(m, always, drawn);
-    CHECK(has_variance(run(Base::always), always));
-    CHECK(has_variance(run(Base::drawn), drawn));
+    CHECK(has_variance(run(Base::every_sample), always));
+    CHECK(has_variance(run(Base::one_outcome), drawn));
     // Power: the formulas are told apart, and so is one with the masses of the next level.
-    CHECK_FALSE(has_variance(run(Base::drawn), always));
-    CHECK_FALSE(has_variance(run(Base::always), weighted(p, m + 2, square) - rest * rest));
+    CHECK_FALSE(has_variance(run(Base::one_outcome), always));
+    CHECK_FALSE(has_variance(run(Base::every_sample), weighted(p, m + 2, square) - rest * rest));
   }
 }
 
@@ -200,7 +201,7 @@ TEST_CASE("a shared base costs no draw of its own and varies less", "[single_ter
 TEST_CASE("the mean work is that of the base plus sum work p", "[single_term][statistical]") {
   const Geometric p(0.5);
   for (const std::int64_t m : {0, 3}) {
-    for (const Base how : {Base::always, Base::drawn}) {
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
       const auto e = single_term(GeometricSeries{}, p, {.base_level = m, .base = how});
       std::vector<double> work;
       NullRecord record;
@@ -210,7 +211,7 @@ TEST_CASE("the mean work is that of the base plus sum work p", "[single_term][st
       }
       const auto base_work = static_cast<double>(m + 1);
       // 1 is the mean outcome of the PMF; a level k costs k + 1.
-      const double exact = how == Base::drawn ? base_work + 1 : base_work + base_work + 1 + 1;
+      const double exact = how == Base::one_outcome ? base_work + 1 : base_work + base_work + 1 + 1;
       const Moments measured = Moments::of(work);
       CHECK(std::abs(measured.mean - exact) <= 4.5 * measured.standard_error());
       CHECK_FALSE(std::abs(measured.mean - exact - 0.1) <= 4.5 * measured.standard_error());

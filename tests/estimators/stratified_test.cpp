@@ -98,13 +98,13 @@ struct Skewed {
 
 }  // namespace
 
-TEST_CASE("stratified blocks are unbiased and honest on three sequences, base always or drawn",
+TEST_CASE("stratified blocks are unbiased and honest on three sequences, base in every sample or one outcome",
           "[stratified][statistical][stat]") {
   const auto check = [](const auto& sequence, double truth) {
     for (const Strata strata : all_strata) {
-      for (const Base how : {Base::always, Base::drawn}) {
+      for (const Base how : {Base::every_sample, Base::one_outcome}) {
         for (const std::int64_t block : {1, 16}) {
-          CAPTURE(name_of(strata), how == Base::drawn, block);
+          CAPTURE(name_of(strata), how == Base::one_outcome, block);
           CHECK(estimator_laws(stratified(single_term(sequence, pmf, {.base = how}), block, strata), truth, few) ==
                 Failures{});
         }
@@ -145,7 +145,7 @@ TEST_CASE("residual strata of a PMF without a falling tail are refused, not sear
 
 TEST_CASE("every level gets its share of a block: whole parts exactly, fractions in the mean", "[stratified][exact]") {
   const std::int64_t n = 40;
-  const auto member = single_term(Steady{}, pmf, {.base = Base::drawn});
+  const auto member = single_term(Steady{}, pmf, {.base = Base::one_outcome});
   for (const Strata strata : all_strata) {
     const auto e = stratified(member, n, strata);
     std::map<std::int64_t, std::int64_t> total;
@@ -185,7 +185,7 @@ TEST_CASE("strata take out the variance of choosing the level: n Var Z tends to 
     independent += (variance + power(0.25, k)) / p.mass(k);
   }
   REQUIRE(independent > 4 * within);
-  const auto member = single_term(NoisySeries{}, p, {.base = Base::drawn});
+  const auto member = single_term(NoisySeries{}, p, {.base = Base::one_outcome});
   const std::int64_t block = 256;
   const std::int64_t members = block << 12;  // the variance of 4096 blocks is known to 2.2 %
   CHECK(member_variance(member, members, 1) == Approx(independent).epsilon(0.05));
@@ -339,10 +339,10 @@ TEST_CASE("what goes wrong in a block names its first sample", "[stratified][exa
   const auto infinite = [](Stream& rng) {
     return rng.index() == 7 ? std::numeric_limits<double>::infinity() : rng.uniform();
   };
-  const auto r = estimate(
-      stratified(
-          single_term([&](std::int64_t, Stream& rng) { return base(infinite(rng)); }, pmf, {.base = Base::drawn}), 16),
-      {.samples = 1600});
+  const auto r = estimate(stratified(single_term([&](std::int64_t, Stream& rng) { return base(infinite(rng)); }, pmf,
+                                                 {.base = Base::one_outcome}),
+                                     16),
+                          {.samples = 1600});
   CHECK(r.first_nonfinite == 7 * 16);
   CHECK(r.nonfinite == 1);
   REQUIRE(!r.warnings.empty());
@@ -352,7 +352,7 @@ TEST_CASE("what goes wrong in a block names its first sample", "[stratified][exa
 TEST_CASE("a replay names block and member", "[stratified][exact]") {
   const auto f = [](double x) { return 4 + 3 * std::sin(17 * x); };
   const auto together = stratified(single_term(function_of_integral(f, functions::ExpMinus{}), pmf), 16);
-  const auto apart = stratified(single_term(SquaredMean{}, pmf, {.base = Base::drawn}), 16);
+  const auto apart = stratified(single_term(SquaredMean{}, pmf, {.base = Base::one_outcome}), 16);
   const auto check = [](const auto& e, std::size_t levels_of_member) {
     const auto t = trace(e, 3, 16 * 5 + 11);
     CHECK(t.block == 16);
@@ -387,16 +387,16 @@ TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified]
   CHECK(run.levels.at(1).probability == 0.6);
 }
 
-TEST_CASE("members that run together are unbiased and honest, and stratified over their first number",
+TEST_CASE("members that run together are unbiased and honest, and stratified over their first uniform",
           "[stratified][statistical][stat]") {
   const auto f = [](double x) { return 4 + 3 * std::sin(17 * x); };
   const double tau = 4 + 3 * (1 - std::cos(17.0)) / 17;
   const auto comb = function_of_integral(f, functions::ExpMinus{});
   static_assert(BatchesLevels<decltype(comb)>);
   for (const Strata strata : all_strata) {
-    for (const Base how : {Base::always, Base::drawn}) {
+    for (const Base how : {Base::every_sample, Base::one_outcome}) {
       for (const std::int64_t block : {1, 16, 200}) {
-        CAPTURE(name_of(strata), how == Base::drawn, block);
+        CAPTURE(name_of(strata), how == Base::one_outcome, block);
         CHECK(estimator_laws(stratified(single_term(comb, pmf, {.base_level = 2, .base = how}), block, strata),
                              std::exp(-tau), few) == Failures{});
       }
@@ -404,13 +404,13 @@ TEST_CASE("members that run together are unbiased and honest, and stratified ove
   }
   // The same members one by one: a sequence behind a lambda offers no batch.
   const auto alone = [comb](std::int64_t level, Stream& rng) { return comb(level, rng); };
-  const auto together = stratified(single_term(comb, pmf, {.base_level = 2, .base = Base::drawn}), 64);
-  const auto apart = stratified(single_term(alone, pmf, {.base_level = 2, .base = Base::drawn}), 64);
+  const auto together = stratified(single_term(comb, pmf, {.base_level = 2, .base = Base::one_outcome}), 64);
+  const auto apart = stratified(single_term(alone, pmf, {.base_level = 2, .base = Base::one_outcome}), 64);
   CHECK(member_variance(together, 1 << 16, 64) < 0.3 * member_variance(apart, 1 << 16, 64));
 
   const auto call = [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); };
   const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
-  for (const Base how : {Base::always, Base::drawn}) {
+  for (const Base how : {Base::every_sample, Base::one_outcome}) {
     CHECK(
         estimator_laws(stratified(single_term(milstein(stock, call), Geometric::with_exponent(1.5), {.base = how}), 64),
                        10.450583572185565, few) == Failures{});

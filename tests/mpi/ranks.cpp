@@ -56,7 +56,7 @@ void bits() {
   };
   const std::pair<const char*, catalog::Choice> problems[] = {{"A03", by(catalog::Method::single_term, 1)},
                                                               {"D01", by(catalog::Method::roulette, 1)},
-                                                              {"E02", by(catalog::Method::single_term_drawn, 64)}};
+                                                              {"E02", by(catalog::Method::single_term_outcome, 64)}};
   for (const auto& [name, choice] : problems) {
     for (const std::int64_t n : {1000, 4096, 4097, 100'000, 1'000'000}) {
       if (n * choice.block > 1'000'000) continue;

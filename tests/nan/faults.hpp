@@ -128,12 +128,12 @@ void check_sequence(const std::string& factory, const std::string& callable, con
                     Infinity infinity = Infinity::reaches_the_mean) {
   const Geometric pmf(0.6);
   check(factory, callable, single_term(s, pmf), infinity);
-  check(factory, callable, single_term(s, pmf, {.base_level = 1, .base = Base::drawn}), infinity);
+  check(factory, callable, single_term(s, pmf, {.base_level = 1, .base = Base::one_outcome}), infinity);
   check(factory, callable, independent_sum(s, pmf), infinity);
   check(factory, callable, stratified(single_term(s, pmf), 8), infinity);
-  check(factory, callable, stratified(single_term(s, pmf, {.base = Base::drawn}), 8, Strata::residual), infinity);
+  check(factory, callable, stratified(single_term(s, pmf, {.base = Base::one_outcome}), 8, Strata::residual), infinity);
   check(factory, callable, truncated(s, 2), infinity);
-  check(factory, callable, averaged(s, {.first_step = 4}), infinity);
+  check(factory, callable, biased_progressive(s, {.first_step = 4}), infinity);
   check(factory, callable, progressive(s, pmf, {.first_step = 512}), infinity);
 }
 

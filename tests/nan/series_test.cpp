@@ -138,7 +138,7 @@ TEST_CASE("no series of an operator hides a NaN or an infinity of it", "[nan][ex
 TEST_CASE("no estimator hides a NaN or an infinity of its PMF, its policy or its sequence", "[nan][exact]") {
   const auto terms = series([](std::int64_t k) { return std::exp2(-static_cast<double>(k)); });
   check("single_term", "masses of the PMF", single_term(terms, BadPmf{}));
-  check("single_term", "masses of the PMF", single_term(terms, BadPmf{}, {.base = Base::drawn}));
+  check("single_term", "masses of the PMF", single_term(terms, BadPmf{}, {.base = Base::one_outcome}));
   check("independent_sum", "tails of the PMF", independent_sum(terms, BadPmf{}));
   check("roulette", "tails of the PMF", roulette(terms, BadPmf{}));
   check("progressive", "masses of the PMF", progressive(terms, BadPmf{}));
@@ -153,7 +153,7 @@ TEST_CASE("no estimator hides a NaN or an infinity of its PMF, its policy or its
   check_sequence("single_term", "sequence", coupled_draw);
   check_sequence("coupled", "fine and coarse", coupled_draw);
   covers("truncated", "sequence");
-  covers("averaged", "sequence");
+  covers("biased_progressive", "sequence");
   covers("base", "value");
   check("draw_sample", "random variable", [](Stream& rng) { return bad(rng.uniform()); });
   covers("extend", "see estimate");

@@ -29,7 +29,7 @@ TEST_CASE("in systematic blocks a level comes up within one of n p_k times, and 
     const AnyPmf pmf = any_pmf();
     RC_PRE(fits(pmf));
     const std::int64_t n = *rc::gen::inRange<std::int64_t>(1, 200);
-    const auto e = stratified(single_term(halves, pmf, {.base = Base::drawn}), n);
+    const auto e = stratified(single_term(halves, pmf, {.base = Base::one_outcome}), n);
     const auto block = trace(e, *rc::gen::arbitrary<std::uint64_t>(), *rc::gen::inRange(0, 1000));
     std::map<std::int64_t, double> counts;
     for (const TracedLevel& l : block.levels) ++counts[l.level];
@@ -61,7 +61,7 @@ TEST_CASE("blocks of any kind draw level k n p_k times on average", "[property][
     RC_PRE(fits(pmf));
     RC_PRE(strata != Strata::residual || pmf.tail(1 << 15) < 1e-3);
     constexpr std::int64_t blocks = 300;
-    const auto r = estimate(stratified(single_term(halves, pmf, {.base = Base::drawn}), n, strata),
+    const auto r = estimate(stratified(single_term(halves, pmf, {.base = Base::one_outcome}), n, strata),
                             {.samples = blocks * n, .seed = *rc::gen::arbitrary<std::uint64_t>(), .threads = 1});
     for (const LevelRow& row : r.levels) {
       if (row.level != row.last_level) continue;

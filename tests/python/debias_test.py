@@ -134,7 +134,7 @@ class SameBits(unittest.TestCase):
         comb = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "log")
         jittered = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "power:1.5", points="jittered")
         runs = {"scalar": (SCALAR, {**plan, "pmf": PMF}),
-                "drawn": (SCALAR, {**plan, "pmf": PMF, "estimator": "single_term_drawn", "base_level": 1}),
+                "drawn": (SCALAR, {**plan, "pmf": PMF, "estimator": "single_term_outcome", "base_level": 1}),
                 "sum": (SCALAR, {**plan, "pmf": PMF, "estimator": "independent_sum"}),
                 "block": (SCALAR, {**plan, "pmf": PMF, "block": 8}),
                 "vector": (VECTOR, {**plan, "pmf": PMF}),

@@ -56,7 +56,8 @@ int main() {
   const auto x = [](double t) { return 1 + t * t; };
   const auto draw = [x](Stream& rng) { return x(rng.uniform()); };
   print("scalar", estimate(single_term(scalar, AnyPmf(Geometric(0.6))), plan));
-  print("drawn", estimate(single_term(scalar, AnyPmf(Geometric(0.6)), {.base_level = 1, .base = Base::drawn}), plan));
+  print("drawn",
+        estimate(single_term(scalar, AnyPmf(Geometric(0.6)), {.base_level = 1, .base = Base::one_outcome}), plan));
   print("sum", estimate(independent_sum(scalar, AnyPmf(Geometric(0.6))), plan));
   print("block", estimate(stratified(single_term(scalar, AnyPmf(Geometric(0.6))), 8), plan));
   print("vector", estimate(single_term(vector, AnyPmf(Geometric(0.6))), plan));

@@ -98,7 +98,8 @@ TermMoments square_of_mean(int levels) {
 
 }  // namespace
 
-TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random problems", "[recipe][optimal_pmf][exact]") {
+TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random problems",
+          "[recipe][optimal_pmf][exact]") {
   Stream rng(20220811, 0);
   for (int i = 0; i < 1000; ++i) {
     const auto n = static_cast<std::size_t>(2 + i % 7);
@@ -187,10 +188,11 @@ TEST_CASE("where the members of a level run together no other masses are better 
   CHECK(gain < 0.2);    // masses that know nothing of it are up to that much worse
 }
 
-TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)", "[recipe][optimal_pmf][exact]") {
+TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)",
+          "[recipe][optimal_pmf][exact]") {
   TermMoments m = square_of_mean(24);
   const double mean = 1;
-  m.fixed_variance = -mean * mean;  // Base::drawn with independent members: V = sum a / p - I^2
+  m.fixed_variance = -mean * mean;  // Base::one_outcome with independent members: V = sum a / p - I^2
   const std::vector<double> p = best_masses(m);
   const VarianceAndWork best = predict(m, p);
   const double kappa = best.work * mean * mean / best.variance;

@@ -165,18 +165,18 @@ TEST_CASE("a level that missed its tail inherits the rarity of its neighbours", 
   const LevelVoice& lucky = e.voices[5];
   CHECK(lucky.raw_hits == Approx(16384 / 3.0));
   CHECK(lucky.hits == Approx(16384 / 4000.0));
-  CHECK_FALSE(lucky.votes());
-  // And none below the first that fails: with fewer hits they vote only because they missed what is rare.
-  CHECK(e.last_vote == 4);
+  CHECK_FALSE(lucky.usable());
+  // And none below the first that fails: with fewer hits they look usable only because they missed what is rare.
+  CHECK(e.last_usable == 4);
 }
 
-TEST_CASE("levels whose largest values have no second moment do not vote and are no base", "[evidence][exact]") {
+TEST_CASE("levels whose largest values have no second moment are not usable and are no base", "[evidence][exact]") {
   std::vector<LevelFacts> facts = Table{}.facts();
   facts[1].tail_index = facts[2].tail_index = 0.9;
   facts[1].tail_error = facts[2].tail_error = 0.1;
   const Evidence e = weigh(facts);
   CHECK(e.voices[1].tail == LevelTail::heavy);
-  CHECK_FALSE(e.voices[2].votes());
+  CHECK_FALSE(e.voices[2].usable());
   CHECK(e.lowest_base == 3);
   CHECK(e.answer == Answer::yes);
   CHECK(e.grade == Grade::likely);
@@ -271,17 +271,17 @@ TEST_CASE("a hump, whose rarity still falls, is open and not a no", "[evidence][
 TEST_CASE("a PMF is finite below the decay, infinite above it, open beside it", "[evidence][exact]") {
   Table t;
   const Evidence e = weigh(t.facts());
-  const SumVerdict finite = judge(e, geometric(1.5));
-  CHECK(finite.value == SumVerdict::Value::finite);
+  const SumConvergence finite = judge(e, geometric(1.5));
+  CHECK(finite.value == SumConvergence::Value::finite);
   CHECK(finite.grade == Grade::shown);
   CHECK(finite.growth == Approx(-0.5).margin(0.1));
-  const SumVerdict infinite = judge(e, geometric(3));
-  CHECK(infinite.value == SumVerdict::Value::infinite);
+  const SumConvergence infinite = judge(e, geometric(3));
+  CHECK(infinite.value == SumConvergence::Value::infinite);
   CHECK(infinite.grade == Grade::shown);
   CHECK(infinite.growth == Approx(1).margin(0.1));
-  CHECK(judge(e, geometric(2)).value == SumVerdict::Value::open);
-  CHECK(judge(weigh({}), geometric(1)).value == SumVerdict::Value::open);
-  CHECK(judge(e, {}).value == SumVerdict::Value::open);
+  CHECK(judge(e, geometric(2)).value == SumConvergence::Value::open);
+  CHECK(judge(weigh({}), geometric(1)).value == SumConvergence::Value::open);
+  CHECK(judge(e, {}).value == SumConvergence::Value::open);
 }
 
 TEST_CASE("under a PMF that falls faster than any power the ratio of moments and masses decides", "[evidence][exact]") {
@@ -296,10 +296,10 @@ TEST_CASE("under a PMF that falls faster than any power the ratio of moments and
   t.levels = 9;
   t.b = [](double k) { return -2 * std::lgamma(k + 1) / std::log(2.0); };
   t.work = [](double) { return 1.0; };
-  CHECK(judge(weigh(t.facts()), poisson).value == SumVerdict::Value::finite);
+  CHECK(judge(weigh(t.facts()), poisson).value == SumConvergence::Value::finite);
   t.b = [](double k) { return -k; };
   t.levels = 14;
-  CHECK(judge(weigh(t.facts()), poisson).value == SumVerdict::Value::infinite);
+  CHECK(judge(weigh(t.facts()), poisson).value == SumConvergence::Value::infinite);
 }
 
 TEST_CASE("a level with a mass and hardly a draw widens the interval", "[evidence][exact]") {
@@ -350,10 +350,10 @@ TEST_CASE("evidence is the same bits each time and takes milliseconds", "[eviden
   const Evidence a = weigh(facts);
   const auto start = std::chrono::steady_clock::now();
   const Evidence b = weigh(facts);
-  const SumVerdict verdict = judge(b, geometric(1));
+  const SumConvergence verdict = judge(b, geometric(1));
   (void)doubt_of(b, geometric(1), 1e6);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  CHECK(verdict.value == SumVerdict::Value::finite);
+  CHECK(verdict.value == SumConvergence::Value::finite);
   CHECK(a.diverges == b.diverges);
   CHECK(a.unseen.high == b.unseen.high);
   CHECK(a.decay.value == b.decay.value);

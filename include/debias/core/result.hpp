@@ -93,7 +93,7 @@ struct Statistics {
   /// Standard error of the mean; its norm, for a value with several components.
   [[nodiscard]] double total_error() const;
   /// Norm of the mean.
-  [[nodiscard]] double size() const;
+  [[nodiscard]] double norm() const;
   /// Standard error and stated bias together, sqrt(total_error()^2 + bias_bound.size^2): what a goal is judged by.
   [[nodiscard]] double goal_error() const;
   /// False when a goal was asked for and missed, or there is no number to judge.

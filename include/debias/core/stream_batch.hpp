@@ -4,9 +4,9 @@
 //
 //   number t of member b  =  number t of the stream of member b alone; rows of numbers lie member by member
 //
-// A batch may be stratified: the first number of member b of n is then (b + u_b) / n instead of u_b. Each member
+// A batch may be stratified: the first uniform of member b of n is then (b + u_b) / n instead of u_b. Each member
 // alone has another law then, but the mean over all n has the expectation of n independent draws, and a variance
-// that is smaller, far smaller where a draw depends smoothly on its first number. [McKay, Beckman, Conover 1979]
+// that is smaller, far smaller where a draw depends smoothly on its first uniform. [McKay, Beckman, Conover 1979]
 
 #include <algorithm>
 #include <array>

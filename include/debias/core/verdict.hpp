@@ -37,16 +37,16 @@ const char* name_of(Finiteness finiteness);
 
 /// What the levels say of the weighted differences.
 struct LevelEvidence {
-  bool available = false;  ///< at least three levels vote, or all deeper differences are zero
-  std::int64_t votes = 0;
+  bool available = false;  ///< at least three usable levels, or all deeper differences are zero
+  std::int64_t usable_levels = 0;
   double tail_index = 0;  ///< xi; -infinity where the differences end
   double error = 0;
   double beta = 0;  ///< of E D_k^2 in the limit, in the unit of the PMF: 2^(-beta k) or k^(-beta)
   double beta_error = 0;
   double rho = 0;  ///< of p_k
   bool polynomial = false;
-  bool contradicted = false;     ///< deeper levels, too rare to vote, are larger than the posterior allows
-  std::int64_t first_level = 0;  ///< the levels that voted
+  bool contradicted = false;     ///< deeper levels, too rare to be usable, are larger than the posterior allows
+  std::int64_t first_level = 0;  ///< the usable levels
   std::int64_t last_level = 0;
   double diverges = 0.5;  ///< P(the variance is infinite)
   double growth = 0;      ///< of E D_k^2 / p_k, in octaves a level (polynomial: an octave of the level)

@@ -2,13 +2,13 @@
 
 // A base level that grows with the sample index: consistent whatever the PMF, and its biased classic.
 //
-//   progressive   Z_i = I_m(i) + D_N / p(N - m(i) - 1): unbiased at every i               [Misso et al. 2022]
-//   averaged      Z_i = I_m(i): biased at every i, the average converges        [Knaus & Zwicker 2011]
+//   progressive          Z_i = I_m(i) + D_N / p(N - m(i) - 1): unbiased at every i               [Misso et al. 2022]
+//   biased_progressive   Z_i = I_m(i): biased at every i, the average converges        [Knaus & Zwicker 2011]
 //   m(i) = base_level + floor(log2(1 + i / first_step) / doublings)
 //
 //   Notation: i = Stream::index().
 // Samples are not identically distributed. The means of `progressive` are equal, so that its standard error is right
-// all the same, and stays right for any schedule; that of `averaged` knows nothing of its bias. Where no PMF has
+// all the same, and stays right for any schedule; that of `biased_progressive` knows nothing of its bias. Where no PMF has
 // finite variance and finite work, growing bases still bring the answer, at a slower rate than 1 / sqrt(work).
 // A sample past 2^30 first_step of work 2^m(i) costs what its base costs: choose `doublings` for that.
 
@@ -100,12 +100,12 @@ class Progressive {
 };
 
 template <BiasedSequence S>
-class Averaged {
+class BiasedProgressive {
  public:
   using value_type = sequence_value_t<S>;
 
-  Averaged(S sequence, const Schedule& schedule) : sequence_(std::move(sequence)), schedule_(schedule) {
-    schedule_.check("averaged");
+  BiasedProgressive(S sequence, const Schedule& schedule) : sequence_(std::move(sequence)), schedule_(schedule) {
+    schedule_.check("biased_progressive");
   }
 
   template <Record R>
@@ -120,14 +120,14 @@ class Averaged {
   [[nodiscard]] Reach reach(std::int64_t last) const {
     return detail::reach_of_level(sequence_, schedule_.level(static_cast<std::uint64_t>(last)));
   }
-  [[nodiscard]] std::string describe() const { return "averaged (biased), " + schedule_.describe(); }
+  [[nodiscard]] std::string describe() const { return "biased_progressive, " + schedule_.describe(); }
 
  private:
   S sequence_;
   Schedule schedule_;
 };
 
-/// The consistent and unbiased form. Throws, like `averaged`, std::invalid_argument for an impossible schedule.
+/// The consistent and unbiased form. Both throw std::invalid_argument for an impossible schedule.
 template <BiasedSequence S, Pmf P>
 Progressive<S, P> progressive(S sequence, P pmf, const Schedule& schedule = {}) {
   return {std::move(sequence), std::move(pmf), schedule};
@@ -135,7 +135,7 @@ Progressive<S, P> progressive(S sequence, P pmf, const Schedule& schedule = {}) 
 
 /// The consistent and biased classic: plain averages at growing levels.
 template <BiasedSequence S>
-Averaged<S> averaged(S sequence, const Schedule& schedule = {}) {
+BiasedProgressive<S> biased_progressive(S sequence, const Schedule& schedule = {}) {
   return {std::move(sequence), schedule};
 }
 
@@ -146,7 +146,7 @@ requires(!(BiasedSequence<S> && Pmf<P>)) auto progressive(const S& /*sequence*/,
   return detail::refuse<detail::mistake_in_levels_and_pmf<S, P>(), S, P>();
 }
 template <class S>
-requires(!BiasedSequence<S>) auto averaged(const S& /*sequence*/, const Schedule& /*schedule*/ = {}) {
+requires(!BiasedSequence<S>) auto biased_progressive(const S& /*sequence*/, const Schedule& /*schedule*/ = {}) {
   return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 

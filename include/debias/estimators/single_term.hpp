@@ -2,13 +2,13 @@
 
 // Single-term debiasing: one random level, one coupled difference, weighted by its probability.
 //
-//   Base::always   Z = I_m + D_N / p(N - m - 1),  N = m + 1, m + 2, ...          [Misso et al. 2022]
-//   Base::drawn    Z = D_N / p(N - m),  N = m, m + 1, ..., D_m read as I_m       [Rhee & Glynn 2015 (2)]
+//   Base::every_sample   Z = I_m + D_N / p(N - m - 1),  N = m + 1, m + 2, ...          [Misso et al. 2022]
+//   Base::one_outcome    Z = D_N / p(N - m),  N = m, m + 1, ..., D_m read as I_m       [Rhee & Glynn 2015 (2)]
 //
 //   Notation: m = base_level, p = pmf.mass, D_k = difference of level k.
 // E Z = I for every PMF that is positive wherever a difference is not zero, if sum E|D_k| < infinity. The
 // variance, sum E D_k^2 / p_k, and the work, sum work_k p_k, are finite only if the PMF fits the sequence
-// (core/rates.hpp). Base::drawn saves a base that is expensive, at the price of the variance of choosing it.
+// (core/rates.hpp). Base::one_outcome saves a base that is expensive, at the price of the variance of choosing it.
 // A sequence that offers `shared` gives base and difference from one draw: less work and a far quieter base.
 
 #include <array>
@@ -32,11 +32,11 @@
 namespace debias {
 
 /// Whether every sample evaluates the base, or the base is one outcome of the PMF.
-enum class Base { always, drawn };
+enum class Base { every_sample, one_outcome };
 
 struct SingleTermOptions {
   std::int64_t base_level = 0;
-  Base base = Base::always;
+  Base base = Base::every_sample;
 };
 
 template <BiasedSequence S, Pmf P>
@@ -64,7 +64,7 @@ class SingleTerm {
   Sample<value_type> draw(std::int64_t level, const Stream& rng, R& record) const {
     const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
-    if (options_.base == Base::drawn) {
+    if (options_.base == Base::one_outcome) {
       Stream level_stream = split_level(rng, level);
       auto term = level == m ? detail::recorded_base(sequence_, level, level_stream, record)
                              : detail::recorded_difference(sequence_, level, level_stream, record);
@@ -79,7 +79,7 @@ class SingleTerm {
             R& record) const requires BatchesLevels<S> {
     const double weight = inverse_weight(probability(level), level);
     const std::int64_t m = options_.base_level;
-    if (options_.base == Base::always) {
+    if (options_.base == Base::every_sample) {
       return detail::base_and_difference(sequence_, m, level, weight, members, out, record);
     }
     if constexpr (BatchesValues<S> && BatchesDifferences<S>) {
@@ -111,14 +111,14 @@ class SingleTerm {
   [[nodiscard]] const S& sequence() const { return sequence_; }
 
   [[nodiscard]] std::string describe() const {
-    return detail::describe(options_.base == Base::drawn ? "single_term, base drawn" : "single_term", pmf_,
+    return detail::describe(options_.base == Base::one_outcome ? "single_term, base one outcome" : "single_term", pmf_,
                             options_.base_level);
   }
 
  private:
   // The level that outcome 0 of the PMF stands for.
   [[nodiscard]] std::int64_t first_level() const {
-    return options_.base_level + (options_.base == Base::always ? 1 : 0);
+    return options_.base_level + (options_.base == Base::every_sample ? 1 : 0);
   }
 
   S sequence_;

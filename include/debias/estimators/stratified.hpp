@@ -12,7 +12,7 @@
 // efficiency of multilevel Monte Carlo, without its bias. Members are the samples of a run, in whole blocks; blocks are
 // independent, so that the standard error, which is of their means, is honest. It takes some hundred of them.
 // The members of one level run together where the sequence has batch hooks, and are then stratified once more: over
-// the first number that they draw, the offset of a comb (core/stream_batch.hpp).
+// the first uniform that they draw, the offset of a comb (core/stream_batch.hpp).
 
 #include <algorithm>
 #include <array>

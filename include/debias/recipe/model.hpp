@@ -6,7 +6,7 @@
 //   block     of n members, n p_k at level k: Var D_k(n p_k) + (E D_k)^2 min(1, 1 / (4 n p_k))
 //   bound     variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m
 //
-//   Notation: p = PMF, n = block, Var D_k(c) = variance within c strata of the first number of a draw.
+//   Notation: p = PMF, n = block, Var D_k(c) = variance within c strata of the first uniform of a draw.
 // Levels that were hardly seen get what the posterior asks for, never less. Fails where the levels that were reached are
 // not yet typical of the deeper ones. The bound is for draws that share nothing and are not stratified themselves.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the PMF; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
@@ -38,19 +38,19 @@ struct LevelModel {
 LevelModel model_of(const Survey& survey, std::int64_t levels = 0);
 
 /// A single-term estimator, but for its PMF.
-struct Setup {
+struct SingleTermForm {
   std::int64_t base_level = 0;
-  Base base = Base::drawn;
+  Base base = Base::one_outcome;
   std::int64_t block = 1;
 
   /// The level of the first outcome of the PMF.
-  [[nodiscard]] std::int64_t first_level() const { return base_level + (base == Base::always ? 1 : 0); }
+  [[nodiscard]] std::int64_t first_level() const { return base_level + (base == Base::every_sample ? 1 : 0); }
 };
 
 /// What its PMF is chosen for, one entry for each outcome that the model has. A shared base is measured, in this share of
 /// the draws of the survey, and so is what is left of a variance where the members of a level run together.
-TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model, const Setup& setup,
-                         const Plan& plan, double share = 1);
+TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const LevelModel& model,
+                         const SingleTermForm& form, const Plan& plan, double share = 1);
 
 /// What a PMF gives, over the outcomes of the model.
 VarianceAndWork predict(const TermMoments& moments, const AnyPmf& pmf);

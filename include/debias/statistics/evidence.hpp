@@ -5,10 +5,10 @@
 //   S = sum_k sqrt(E D_k^2 w_k) < infinity  iff some PMF has finite variance and finite work; S^2 is its price
 //   U = the part of S in levels that nobody has seen; b_k = log2 E D_k^2
 //
-//   votes      a level speaks with its effective hits n / kappa, kappa = E D^4 / (E D^2)^2, and with no more than its
-//              neighbours' kappa leaves it: one that missed its tail inherits their rarity. 8 hits are a vote.
+//   usable     a level speaks with its effective hits n / kappa, kappa = E D^4 / (E D^2)^2, and with no more than its
+//              neighbours' kappa leaves it: one that missed its tail inherits their rarity. With 8 hits it is usable.
 //   posterior  b is a local linear trend over k, and over log2(k + 1), seen with error (Kalman filter, a grid of
-//              tau, omega, q); the slope in the limit is free by 1 / K more, K = levels that vote
+//              tau, omega, q); the slope in the limit is free by 1 / K more, K = usable levels
 //   declared   rates are a prior on that slope, dropped where the levels contradict them
 //   zeros      count where the trend of the non-zero share promised 14 hits; an end is shown, likely, or open
 //   answer     yes: P(S diverges) and U are small; no: both are large and no veto holds; else open
@@ -80,10 +80,10 @@ struct LevelVoice {
   double hits = 0;                                         ///< of these, the honest ones
   double log2_second = 0;                                  ///< b_k; -infinity: zeros only; NaN: not finite
   double log2_rarity = 0;                                  ///< log2 kappa
-  double error = std::numeric_limits<double>::infinity();  ///< of b_k in octaves; infinite: no vote
+  double error = std::numeric_limits<double>::infinity();  ///< of b_k in octaves; infinite: not usable
   LevelTail tail = LevelTail::light;
 
-  [[nodiscard]] bool votes() const { return error < std::numeric_limits<double>::infinity(); }
+  [[nodiscard]] bool usable() const { return error < std::numeric_limits<double>::infinity(); }
 };
 
 enum class End {
@@ -107,9 +107,9 @@ struct Unseen {
   double high = 1;
 };
 
-/// One way in which the levels may go on, by the posterior: b_k beyond the last vote.
+/// One way in which the levels may go on, by the posterior: b_k beyond the last usable level.
 struct Course {
-  double at_last = 0;      ///< b of the last level that votes
+  double at_last = 0;      ///< b of the last usable level
   double slope = 0;        ///< there, as a fall in octaves a level (or an octave of the level)
   double limit = 0;        ///< the slope of deep levels
   double limit_error = 0;  ///< of `limit`, given `slope`
@@ -127,16 +127,16 @@ struct Contradiction {
 struct Evidence {
   std::vector<LevelFacts> facts;   ///< in order of the levels, as given
   std::vector<LevelVoice> voices;  ///< of the same levels
-  std::vector<Course> courses;     ///< equally likely; empty: fewer than three levels vote
+  std::vector<Course> courses;     ///< equally likely; empty: fewer than three usable levels
   Answer answer = Answer::open;
   Grade grade = Grade::open;
   double diverges = 0.5;  ///< P(no PMF has finite variance and work)
   Unseen unseen;
   End end = End::none;
   std::int64_t last_difference = 0;  ///< deepest level with differences that are not zero
-  std::int64_t first_vote = -1;
-  std::int64_t last_vote = -1;
-  int known = 0;                 ///< levels that vote with an error of at most half an octave
+  std::int64_t first_usable = -1;
+  std::int64_t last_usable = -1;
+  int known = 0;                 ///< usable levels with an error of at most half an octave
   std::int64_t lowest_base = 0;  ///< below it levels have no second moment
   bool missing_moments = false;  ///< in some level, and not only in the first ones
   bool polynomial = false;       ///< the decay, more likely than not
@@ -167,14 +167,14 @@ struct Masses {
 };
 
 /// R10: is sum_k E D_k^2 / p_k finite?
-struct SumVerdict {
+struct SumConvergence {
   enum class Value { finite, infinite, open } value = Value::open;
   Grade grade = Grade::open;
   double diverges = 0.5;  ///< probability
   double unseen = 1;      ///< at most this part of the variance is in levels that nobody has seen, at 99.5 %
   double growth = 0;      ///< of E D_k^2 / p_k in octaves a level (or an octave of the level), in the limit
 };
-SumVerdict judge(const Evidence& evidence, const Masses& masses);
+SumConvergence judge(const Evidence& evidence, const Masses& masses);
 /// P(sum_k E D_k^4 / p_k^3 is infinite): where it is, the variance of a run is known slowly.
 double fourth_moment_diverges(const Evidence& evidence, const Masses& masses);
 /// rho of the masses near that level: they fall like 2^(-rho k), or like k^(-rho).

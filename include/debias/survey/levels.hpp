@@ -4,13 +4,13 @@
 //
 //   draw       I_k with its coarse partner and D_k
 //   shared     a base I_m and D_k from the same draws: Var I_m, Cov(I_m, D_k), work
-//   together   2^j members of one level in strata over the first number that they draw: what that leaves of Var D_k
+//   together   2^j members of one level in strata over the first uniform that they draw: what that leaves of Var D_k
 //
 //   Notation: k = level, m = base_level, I_k and D_k = value and difference of the sequence.
 // Level k of sample i draws from the pilot streams (Branch::pilot): no sample of an estimator ever sees them, so what
 // is chosen from these draws biases nothing.
 // Fails where the erased type is no BiasedSequence; `shared` and `together` are empty for sequences without the hooks.
-// Source: Giles, Acta Numerica 24 (2015), section 3; strata over first numbers as in core/stream_batch.hpp.
+// Source: Giles, Acta Numerica 24 (2015), section 3; strata over first uniforms as in core/stream_batch.hpp.
 
 #include <algorithm>
 #include <array>
@@ -68,28 +68,28 @@ namespace detail {
 
 /// Some values and numbers as one value, so that one run gives the moments of each.
 template <Value V, std::size_t n>
-struct Several {
+struct ValueTuple {
   std::array<V, n> parts;
   double flag = 0;
 
-  friend Several operator+(Several a, const Several& b) {
+  friend ValueTuple operator+(ValueTuple a, const ValueTuple& b) {
     for (std::size_t i = 0; i < n; ++i) a.parts[i] = debias::sum(std::move(a.parts[i]), b.parts[i]);
     a.flag += b.flag;
     return a;
   }
-  friend Several operator-(Several a, const Several& b) {
+  friend ValueTuple operator-(ValueTuple a, const ValueTuple& b) {
     for (std::size_t i = 0; i < n; ++i) a.parts[i] = debias::difference(std::move(a.parts[i]), b.parts[i]);
     a.flag -= b.flag;
     return a;
   }
   /// The last of them: a survey keeps the tails of D_k.
   [[nodiscard]] double scalar() const { return debias::as_scalar(parts[n - 1]); }
-  friend std::size_t component_count(const Several& s) { return n * component_count(s.parts[0]) + 1; }
-  friend double component(const Several& s, std::size_t i) {
+  friend std::size_t component_count(const ValueTuple& s) { return n * component_count(s.parts[0]) + 1; }
+  friend double component(const ValueTuple& s, std::size_t i) {
     const std::size_t each = component_count(s.parts[0]);
     return i / each < n ? component(s.parts[i / each], i % each) : s.flag;
   }
-  friend void set_component(Several& s, std::size_t i, double x) {
+  friend void set_component(ValueTuple& s, std::size_t i, double x) {
     const std::size_t each = component_count(s.parts[0]);
     if (i / each < n) {
       set_component(s.parts[i / each], i % each, x);
@@ -107,7 +107,7 @@ struct LevelDraw {
   std::int64_t level;
 
   template <Record R>
-  Sample<Several<V, 3>> operator()(Stream& rng, R& record) const {
+  Sample<ValueTuple<V, 3>> operator()(Stream& rng, R& record) const {
     Stream own = split_level(split(rng, Branch::pilot), level);
     auto draw = sequence(level, own);
     if (level == 0) check_level_zero(draw.value, draw.difference);
@@ -128,7 +128,7 @@ struct SharedLevelDraw {
   std::int64_t level;
   std::int64_t base_level;
 
-  Sample<Several<V, 3>> operator()(Stream& rng) const {
+  Sample<ValueTuple<V, 3>> operator()(Stream& rng) const {
     Stream own = split_level(split(rng, Branch::pilot), level);
     auto both = sequence.shared(level, base_level, own);
     V total = debias::sum(both.base, both.difference);
@@ -158,7 +158,7 @@ struct TogetherDraw {
   std::int64_t base_level;
   std::int64_t members;
 
-  Sample<Several<double, 2 * strata_octaves>> operator()(Stream& rng) const {
+  Sample<ValueTuple<double, 2 * strata_octaves>> operator()(Stream& rng) const {
     const Stream own = split(rng, Branch::pilot);
     std::vector<double> bases;
     std::vector<double> differences;
@@ -198,7 +198,7 @@ struct TogetherDraw {
       }
       j += static_cast<std::int64_t>(n);
     }
-    Several<double, 2 * strata_octaves> variances{};
+    ValueTuple<double, 2 * strata_octaves> variances{};
     variances_within_strata(bases, std::span(variances.parts).first(strata_octaves));
     variances_within_strata(differences, std::span(variances.parts).last(strata_octaves));
     return {variances, work, level};

@@ -551,7 +551,7 @@ def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, se
     """What a recipe would choose: base level, PMF and strata, and what they are worth.
 
     `estimate(problem, pmf=a["pmf"], base_level=a["base_level"], block=a["block"], estimator=...)` follows the advice
-    without another pilot, "single_term_drawn" where its a["base"] is "drawn".
+    without another pilot, "single_term_outcome" where its a["base"] is "one_outcome".
     """
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
                        error=error, relative_error=relative_error, seconds=seconds)

@@ -3,7 +3,7 @@
 // A run whose samples are drawn twice: first for the questions that they ask, which are then answered all at once, and again,
 // in the same order, to be recorded. On one thread.
 //
-//   rehearsal.rehearse(draws) calls draws() for its questions, and has them answered; then the draws that count read them
+//   rehearsal.collect_queries(draws) calls draws() for its questions, and has them answered; then the draws that count read them
 
 #include <algorithm>
 #include <cstdint>
@@ -26,13 +26,13 @@ class Rehearsing {
   void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) {
     if (!in_order_ || first >= rehearsed_) {  // some whole chunks at once, where all will come
       rehearsed_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
-      rehearse(first, rehearsed_, draw);
+      collect_queries(first, rehearsed_, draw);
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   }
   template <class Draw>
   auto again(std::int64_t i, const Draw& draw) {
-    rehearse(i, i + 1, draw);
+    collect_queries(i, i + 1, draw);
     NullRecord record;
     return draw(i, record).value;
   }
@@ -41,8 +41,8 @@ class Rehearsing {
   static constexpr std::int64_t ahead = 1 << 16;
 
   template <class Draw>
-  void rehearse(std::int64_t first, std::int64_t last, const Draw& draw) {
-    rehearsal_->rehearse([&] {
+  void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {
+    rehearsal_->collect_queries([&] {
       NullRecord record;
       for (std::int64_t i = first; i < last; ++i) draw(i, record);
     });
@@ -56,7 +56,7 @@ class Rehearsing {
 
 /// `estimate` so.
 template <Estimator E, class Rehearsal>
-auto estimate_rehearsed(Rehearsal& rehearsal, const E& estimator, Plan plan) {
+auto estimate_collected(Rehearsal& rehearsal, const E& estimator, Plan plan) {
   plan.threads = 1;
   Rehearsing<Rehearsal> way(rehearsal);
   return debias::detail::estimate_by(way, estimator, plan);

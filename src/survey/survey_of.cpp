@@ -150,7 +150,7 @@ class Conclusion {
 
   // The time of a draw grows and its stated work does not: pilot and PMF would spend what they do not count.
   void slow_draws() {
-    constexpr double least_time = 1e-5;  // of a draw: below, the clock tells little
+    constexpr double least_time = 1e-5;   // of a draw: below, the clock tells little
     constexpr double enough_time = 0.01;  // of all draws of a level, of two levels: a busy machine pauses, too
     constexpr std::int64_t span = 4;
     constexpr double factor = 8;
@@ -203,9 +203,10 @@ class Conclusion {
       where = row.level;
     }
     if (unknown >= 0) {
-      remark(WarningCode::coupling_unchecked,
-             "values of level " + std::to_string(unknown) +
-                 ", or of the level below, have no finite mean or variance in these draws: their coupling is not checked");
+      remark(
+          WarningCode::coupling_unchecked,
+          "values of level " + std::to_string(unknown) +
+              ", or of the level below, have no finite mean or variance in these draws: their coupling is not checked");
     }
     if (worst <= 4.5) return;
     remark(WarningCode::coupling,
@@ -249,7 +250,7 @@ class Conclusion {
         break;
       }
       if (least == rows.size() || row.second_moment < rows[least].second_moment) least = i;
-      if (row.votes) usable.push_back(i);
+      if (row.usable) usable.push_back(i);
     }
     return usable;
   }
@@ -408,13 +409,13 @@ class Conclusion {
       remark(WarningCode::shallow_levels, levels_words(first, last) + " not yet asymptotic: left out of the fit");
     first = -1;
     for (std::size_t i = first_fitted; i < rows.size(); ++i) {
-      if (rows[i].votes || rows[i].second_moment == 0) continue;
+      if (rows[i].usable || rows[i].second_moment == 0) continue;
       if (first < 0) first = rows[i].level;
       last = rows[i].level;
     }
     if (first >= 0) {
       remark(WarningCode::few_draws,
-             levels_words(first, last) + " with fewer draws than 10 times their kurtosis: no vote in the fit");
+             levels_words(first, last) + " with fewer draws than 10 times their kurtosis: not usable in the fit");
     }
   }
 
@@ -425,7 +426,7 @@ class Conclusion {
 
 }  // namespace
 
-Survey conclude(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
+Survey survey_of(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
   return Conclusion(std::move(rows), seed, sequence, budget_spent).draw();
 }
 
