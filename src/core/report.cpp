@@ -118,7 +118,7 @@ class Printer {
     const std::string what = biased ? "error " : "standard error ";
     if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s_.goal_error(), parts));
     if (g.relative_error > 0) {
-      const double size = s_.size();
+      const double size = s_.norm();
       const bool told = size > 3 * s_.goal_error();
       const std::string of_zero =
           size == 0 ? " of a mean of 0"

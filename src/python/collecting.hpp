@@ -3,7 +3,7 @@
 // A run whose samples are drawn twice: first for the questions that they ask, which are then answered all at once, and again,
 // in the same order, to be recorded. On one thread.
 //
-//   rehearsal.collect_queries(draws) calls draws() for its questions, and has them answered; then the draws that count read them
+//   collection.collect_queries(draws) calls draws() for its questions, and has them answered; then the draws that count read them
 
 #include <algorithm>
 #include <cstdint>
@@ -12,21 +12,21 @@
 
 namespace debias::python {
 
-template <class Rehearsal>
-class Rehearsing {
+template <class Collection>
+class Collecting {
  public:
-  explicit Rehearsing(Rehearsal& rehearsal) : rehearsal_(&rehearsal) {}
+  explicit Collecting(Collection& collection) : collection_(&collection) {}
 
   void begin(std::int64_t first, std::int64_t last, bool in_order) {
     in_order_ = in_order;
-    rehearsed_ = first;
+    collected_ = first;
     end_ = last;
   }
   template <class Draw>
   void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) {
-    if (!in_order_ || first >= rehearsed_) {  // some whole chunks at once, where all will come
-      rehearsed_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
-      collect_queries(first, rehearsed_, draw);
+    if (!in_order_ || first >= collected_) {  // some whole chunks at once, where all will come
+      collected_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
+      collect_queries(first, collected_, draw);
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   }
@@ -42,23 +42,23 @@ class Rehearsing {
 
   template <class Draw>
   void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {
-    rehearsal_->collect_queries([&] {
+    collection_->collect_queries([&] {
       NullRecord record;
       for (std::int64_t i = first; i < last; ++i) draw(i, record);
     });
   }
 
-  Rehearsal* rehearsal_;
+  Collection* collection_;
   bool in_order_ = false;
-  std::int64_t rehearsed_ = 0;
+  std::int64_t collected_ = 0;
   std::int64_t end_ = 0;
 };
 
 /// `estimate` so.
-template <Estimator E, class Rehearsal>
-auto estimate_collected(Rehearsal& rehearsal, const E& estimator, Plan plan) {
+template <Estimator E, class Collection>
+auto estimate_collected(Collection& collection, const E& estimator, Plan plan) {
   plan.threads = 1;
-  Rehearsing<Rehearsal> way(rehearsal);
+  Collecting<Collection> way(collection);
   return debias::detail::estimate_by(way, estimator, plan);
 }
 

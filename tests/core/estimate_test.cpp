@@ -90,7 +90,7 @@ auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threa
 
 // ---- equal bits
 
-TEST_CASE("a run that is rehearsed sees each draw before it counts, in order", "[core][estimate][exact]") {
+TEST_CASE("a run that collects its queries sees each draw before it counts, in order", "[core][estimate][exact]") {
   Memory memory;
   const auto silent = [](Stream& rng) {
     NullRecord record;
