@@ -59,15 +59,19 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   p.lowest_base = facts.lowest_base;
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
   p.run = [with, lookups](const Choice& choice, const Plan& plan) {
-    return with(choice, [&](const auto& e) -> Statistics { return estimate_collected(*lookups, e, plan); });
+    Statistics result;
+    with(choice, [&](const auto& e) { result = estimate_collected(*lookups, e, plan); });
+    return result;
   };
   p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
-    return with(choice, [&](const auto& e) {
+    Trace<double> result;
+    with(choice, [&](const auto& e) {
       lookups->collect_queries([&] { trace(e, seed, index); });
       auto t = trace(e, seed, index);
-      return Trace<double>{
+      result = {
           {as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels), t.block, t.first, t.member};
     });
+    return result;
   };
   p.levels = gathered_levels(sequence, lookups);
   user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {
