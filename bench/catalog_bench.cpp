@@ -13,13 +13,12 @@ namespace debias::bench {
 namespace {
 
 void measure(benchmark::State& state, const catalog::Problem& problem, const catalog::Choice& choice) {
-  const Plan plan{.samples = (1 << 17) / choice.block, .threads = 1};
+  const Plan plan{.samples = 1 << 17, .threads = 1};
   Statistics s;
   for (auto _ : state) s = problem.run(choice, plan);
-  const auto members = static_cast<double>(choice.block);
-  state.counters["variance"] = members * s.components.front().variance;
-  state.counters["work"] = s.work_per_sample() / members;
-  state.counters["ns_per_sample"] = 1e9 * s.seconds / (static_cast<double>(s.samples) * members);
+  state.counters["variance"] = s.components.front().variance;
+  state.counters["work"] = s.work_per_sample();
+  state.counters["ns_per_sample"] = 1e9 * s.seconds / static_cast<double>(s.samples);
   state.counters["efficiency"] = s.efficiency();
   if (s.verdict().variance != Finiteness::finite) state.SetLabel("variance not known to be finite");
 }

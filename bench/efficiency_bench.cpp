@@ -64,8 +64,8 @@ Rival rival(const std::string& name, const Plain& plain) {
 /// `together` is stratified, with members that run together; `apart` is the same one by one.
 template <class Together, class Apart>
 void contest(benchmark::State& state, const Together& together, const Apart& apart, const std::vector<Rival>& rivals) {
-  constexpr std::int64_t blocks = round_samples / block;
-  const Plan many{.samples = (1 << 19) / block};
+  static_assert(round_samples % block == 0);
+  const Plan many{.samples = 1 << 19};
   const auto result = estimate(together, many);
   const double variance = result.moments.variance() * static_cast<double>(block);
   const double variance_apart = estimate(apart, many).moments.variance() * static_cast<double>(block);
@@ -74,7 +74,8 @@ void contest(benchmark::State& state, const Together& together, const Apart& apa
   for (auto _ : state) {
     for (std::int64_t round = 0; round < 21; ++round) {
       ours.push_back(seconds_of([&] {
-        benchmark::DoNotOptimize(estimate(together, {.samples = blocks, .first = round * blocks, .threads = 1}).work);
+        benchmark::DoNotOptimize(
+            estimate(together, {.samples = round_samples, .first = round * round_samples, .threads = 1}).work);
       }));
       for (std::size_t i = 0; i < rivals.size(); ++i) {
         theirs[i].push_back(seconds_of(rivals[i].round));
@@ -96,7 +97,7 @@ void contest(benchmark::State& state, const Together& together, const Apart& apa
   state.counters["levels_only"] = 1 / (variance_apart * seconds) / best;
   state.counters["faster"] = median(theirs[winner]) / seconds;
   state.counters["ours_ns"] = 1e9 * seconds / static_cast<double>(round_samples);
-  state.counters["work"] = result.work_per_sample() / static_cast<double>(block);
+  state.counters["work"] = result.work_per_sample();
 }
 
 /// The same sequence without its batch hooks.

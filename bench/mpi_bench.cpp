@@ -11,8 +11,8 @@
 #include <debias/estimators/single_term.hpp>
 #include <debias/reciprocal.hpp>
 
-#include "core/checkpoint.hpp"
-#include "mpi/groups.hpp"
+#include "core/chunks.hpp"
+#include "core/run_state_bytes.hpp"
 
 namespace debias::bench {
 namespace {
@@ -48,10 +48,10 @@ BENCHMARK(encode_sums)->Name("mpi/encode")->Arg(1)->Arg(45);
 
 void next_group(benchmark::State& state) {
   constexpr std::int64_t samples = std::int64_t{1} << 44;
-  mpi::Groups groups({{0, samples}}, default_chunk);
+  detail::Chunks chunks(default_chunk);
   for (auto _ : state) {
-    const auto [first, last] = groups.next(state.range(0), 1);
-    if (last == samples) groups = mpi::Groups({{0, samples}}, default_chunk);
+    if (chunks.empty()) chunks.give({0, samples});
+    const auto [first, last] = chunks.take_share(state.range(0), 1);
     benchmark::DoNotOptimize(first);
   }
 }

@@ -24,11 +24,9 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
     const Advice advice = advise(problem.levels, plan, {.lowest_base = problem.lowest_base});
     const catalog::Method method =
         advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-    const Statistics s = problem.run({method, advice.pmf, advice.base_level, "", advice.block},
-                                     {.samples = advice.members / advice.block,
-                                      .seed = seed,
-                                      .threads = 1,
-                                      .pilot = {advice.pilot_work, advice.pilot_seconds}});
+    const Statistics s = problem.run(
+        {method, advice.pmf, advice.base_level, "", advice.block},
+        {.samples = advice.members, .seed = seed, .threads = 1, .pilot = {advice.pilot_work, advice.pilot_seconds}});
     const double reached = s.total_error() / error;
     ours += s.work * reached * reached;
   };

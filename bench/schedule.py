@@ -1,4 +1,4 @@
-"""What heavy-tailed work does to many ranks: a simulation of the groups of src/mpi/groups.hpp, one thread a rank, with the
+"""What heavy-tailed work does to many ranks: a simulation of the groups of src/core/chunks.hpp, one thread a rank, with the
 times of samples as measured. Levels beyond those that the measured run reached go on at its last ratios.
     /usr/bin/python3 bench/schedule.py PROGRAM "E02 --pmf geometric:r=0.6464" [SECONDS=600] [SEEDS=5]
 """

@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
+#include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include <debias/diagnostics.hpp>
 
 #include "catalog/groups.hpp"
+#include "catalog/make.hpp"
 #include "core/text.hpp"
 
 namespace debias::catalog {
@@ -190,5 +194,41 @@ const Problem& find(std::string_view id_or_name) {
   throw std::invalid_argument("'" + std::string(id_or_name) + "' is not a problem (see `debias list`)" +
                               suggestion(id_or_name, names));
 }
+
+namespace detail {
+
+void set_runs(Problem& p, std::function<void(const Choice&, Task&)> work) {
+  const auto shared = std::make_shared<const std::function<void(const Choice&, Task&)>>(std::move(work));
+  p.run = [shared](const Choice& choice, const Plan& plan) {
+    Task task{.plan = &plan};
+    (*shared)(choice, task);
+    return std::move(task.statistics);
+  };
+  p.trace = [shared](const Choice& choice, std::uint64_t seed, std::int64_t index) {
+    Task task{.seed = seed, .index = index};
+    (*shared)(choice, task);
+    return std::move(task.trace);
+  };
+}
+
+void add_special(Problem& p, Special special, std::function<void(Task&)> work) {
+  const auto shared = std::make_shared<const std::function<void(Task&)>>(std::move(work));
+  p.run = [shared, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) {
+    if (choice.special != name) return others(choice, plan);
+    Task task{.plan = &plan};
+    (*shared)(task);
+    return std::move(task.statistics);
+  };
+  p.trace = [shared, name = special.name, others = std::move(p.trace)](const Choice& choice, std::uint64_t seed,
+                                                                       std::int64_t index) {
+    if (choice.special != name) return others(choice, seed, index);
+    Task task{.seed = seed, .index = index};
+    (*shared)(task);
+    return std::move(task.trace);
+  };
+  p.specials.push_back(std::move(special));
+}
+
+}  // namespace detail
 
 }  // namespace debias::catalog

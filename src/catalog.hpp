@@ -47,7 +47,7 @@ struct Choice {
   AnyPmf pmf = AnyPmf(Geometric(0.5));  ///< not used by Method::truncated
   std::int64_t base_level = 0;
   std::string special = {};  ///< the name of a special method: the rest does not matter then
-  std::int64_t block = 1;    ///< members of a systematically stratified block, which is one sample
+  std::int64_t block = 1;    ///< samples of a systematically stratified block
 };
 
 /// The method, or the special one.
@@ -76,7 +76,7 @@ struct Problem {
 Rates rates_of(const Problem& problem, Method method);
 
 /// The PMF of the problem, or the one that its declared rates ask for.
-/// Throws std::invalid_argument where no PMF has finite variance and finite work.
+/// Throws NoPmfError where no PMF has finite variance and finite work.
 AnyPmf default_pmf(const Problem& problem, Method method = Method::single_term);
 
 /// All problems, in the order of their ids.

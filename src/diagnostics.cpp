@@ -9,6 +9,7 @@
 #include <boost/math/distributions/students_t.hpp>
 
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -22,6 +23,7 @@ double exponent_beside(const Rates& rates, const TailExponent& pmf) {
 
 // E|Z|^q = sum p E|D|^q p^(-q) is finite iff q < 1 / xi.
 double tail_index(const Rates& rates, double rho) {
+  if (std::isnan(rates.variance_decay)) return rates.variance_decay;
   if (std::isinf(rates.variance_decay)) return 0;
   if (std::isinf(rho)) return 1;  // the limit of both formulas
   const double half = rates.variance_decay / 2;
@@ -59,6 +61,11 @@ constexpr const char* beyond_rates =
 
 std::string exponent_text(double x) { return std::isinf(x) ? "faster than any" : format("%.3g", x); }
 
+// Of an infinite variance.
+const char* consequence(double tail_index) {
+  return tail_index >= 1 ? ": even the mean is infinite" : ": the standard error is too small most of the time";
+}
+
 std::string with_error_of(const FittedRate& rate) {
   if (std::isinf(rate.value)) return exponent_text(rate.value);
   return exponent_text(rate.value) + " +- " + exponent_text(rate.error);
@@ -87,14 +94,21 @@ MeasuredFiniteness judge(const MeasuredRates& measured, const TailExponent& pmf)
     v.error = measured.variance_decay.error / 2 / (rho - step);
   }
 
+  const auto threshold = [](const FittedRate& rate) {
+    return std::isnan(rate.value) ? std::string("unknown") : with_error_of(rate);
+  };
   std::string text = std::string("variance ") + name_of(v.variance) + " (PMF exponent " + exponent_text(rho) +
-                     ", threshold " +
-                     with_error_of({measured.variance_decay.value - step, measured.variance_decay.error}) + "), work " +
-                     name_of(v.work) + " (threshold " +
-                     with_error_of({measured.work_growth.value + step, measured.work_growth.error}) + "), tail index " +
-                     with_error_of({v.tail_index, v.error});
+                     ", threshold " + threshold({measured.variance_decay.value - step, measured.variance_decay.error}) +
+                     "), work " + name_of(v.work) + " (threshold " +
+                     threshold({measured.work_growth.value + step, measured.work_growth.error}) + ")";
+  if (!std::isnan(v.tail_index)) text += ", tail index " + with_error_of({v.tail_index, v.error});
   if (v.variance == Finiteness::infinite) {
-    text += ": the standard error is too small most of the time; take a PMF with a smaller exponent";
+    text += consequence(v.tail_index - confidence_of_rates * v.error);
+    const FittedRate& decay = measured.variance_decay;
+    text += decay.value - step > 0 && !is_flat(decay)
+                ? "; take a PMF with a smaller exponent"
+                : "; " + decay_words("E D_k^2", decay, rates.decay) +
+                      (polynomial && decay.value > 0 ? ", too slowly for any PMF" : ", which no PMF mends");
   } else if (v.work == Finiteness::infinite) {
     text += ": no run ends its expected work; take a PMF with a larger exponent";
   } else if (!decided) {
@@ -182,7 +196,14 @@ DeclaredFiniteness judge(const Rates& rates, const TailExponent& pmf) {
   v.tail_index = tail_index(rates, rho);
   v.work_tail_index = work_tail_index(rates, rho);
 
-  v.decided = std::isfinite(rates.variance_decay) || std::isfinite(rho);
+  const bool known = !std::isnan(rates.variance_decay) && !std::isnan(rates.work_growth);
+  v.decided = known && (std::isfinite(rates.variance_decay) || std::isfinite(rho));
+  if (!known) {
+    v.finite_variance = v.finite_work = false;
+    v.tail_index = v.work_tail_index = std::numeric_limits<double>::quiet_NaN();
+    v.sentence = "variance undecided: the rates are not known; survey the levels, or state them";
+    return v;
+  }
 
   std::string text;
   const std::string exponent = exponent_text(rho);
@@ -196,13 +217,14 @@ DeclaredFiniteness judge(const Rates& rates, const TailExponent& pmf) {
           (v.finite_work ? " > " : " <= ") + format("%.3g", range.low) + ")";
   if (v.decided) text += ", tail index " + format("%.3g", v.tail_index);
   if (!v.finite_variance || !v.finite_work) {
-    text +=
-        v.finite_variance ? ": no run ends its expected work" : ": the standard error is too small most of the time";
+    text += v.finite_variance ? ": no run ends its expected work" : consequence(v.tail_index);
     if (std::isinf(range.high)) {
       text += "; take a PMF with an exponent above " + format("%.3g", range.low);
     } else if (range.low < range.high) {
       text += "; take a PMF with exponent between " + format("%.3g", range.low) + " and " + format("%.3g", range.high);
     } else {
+      const FittedRate decay{rates.variance_decay, 0};
+      if (!v.finite_variance && rates.variance_decay <= 0) text += "; " + decay_words("E D_k^2", decay, rates.decay);
       text += "; no PMF has both finite";
     }
   } else if (v.tail_index >= 0.25) {

@@ -11,6 +11,7 @@
 
 #include "core/regression.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -21,6 +22,8 @@ constexpr std::int64_t fewest_levels = 4;  // before anything is extrapolated
 constexpr double fewest_draws = 64;        // of the pilot of a deep level
 constexpr double enough_hits = 32;         // of a level, in its pilot
 constexpr double fewest_hits = 8;          // without which its variance is not known
+constexpr double fewest_equal = 0x1p16;    // draws of a base that are all zero, before they are believed
+constexpr double hits_promised = 14;       // of levels of zeros that are the end: P(none) = 1e-6
 constexpr double pilot_share = 1.0 / 16;   // of the draws of a level, where these are many
 constexpr double most_pilot = 0x1p24;      // draws of a pilot
 constexpr std::int64_t pilot_first = std::int64_t{1} << 50;  // its samples: none that a run will draw
@@ -29,27 +32,37 @@ constexpr std::int64_t pilot_first = std::int64_t{1} << 50;  // its samples: non
 struct Level {
   std::int64_t draws = 0;
   double work = 0;
-  double second = 0;  // sums of the norm, squared and to the fourth
+  double size = 0;    // of squares: fourth powers of others might leave the range of doubles
+  double second = 0;  // sums of the norm, squared and to the fourth, in that unit
   double fourth = 0;
   std::vector<Moments> components;
+  std::vector<Moments> values;  // of I_l
+  std::vector<Moments> coarse;  // of its coarse partner
 
   void add(const Statistics& s) {
     // Components of I_l, of its coarse partner and of D_l, then a flag: see ValueTuple.
     const std::size_t each = (s.components.size() - 1) / 3;
-    components.resize(each);
     const auto n = static_cast<double>(s.samples);
-    for (std::size_t c = 0; c < each; ++c) {
-      const ComponentEstimate& d = s.components[2 * each + c];
-      Moments m;
-      m.count = s.samples;
-      m.mean = d.mean;
-      m.m2 = s.samples > 1 ? d.variance * (n - 1) : 0;
-      components[c].merge(m);
-    }
+    const auto merge = [&](std::size_t part, std::vector<Moments>& into) {
+      into.resize(each);
+      for (std::size_t c = 0; c < each; ++c) {
+        const ComponentEstimate& d = s.components[part * each + c];
+        Moments m;
+        m.count = s.samples;
+        m.mean = d.mean;
+        m.m2 = s.samples > 1 ? d.variance * (n - 1) : 0;
+        into[c].merge(m);
+      }
+    };
+    merge(0, values);
+    merge(1, coarse);
+    merge(2, components);
     for (const LevelRow& row : s.levels) {
       if (row.is_base) continue;
-      second += n * row.second_moment;
-      fourth += n * row.fourth_moment;
+      if (size == 0) size = row.second_moment;
+      const double square = size > 0 ? row.second_moment / size : 0;
+      second += n * square;
+      fourth += n * row.kurtosis * square * square;
     }
     draws += s.samples;
     work += s.work;
@@ -87,11 +100,13 @@ class Driver {
       result.pilot_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       draw();
       result.bias = remaining_bias(levels_);
+      const bool add = result.bias > allowed_bias();
+      result.bias = std::max(result.bias, hidden_bias());
       if (total_error(result.bias) <= error_ && is_known()) {
         result.converged = std::ssize(levels_) >= fewest_levels;
         break;
       }
-      if (std::ssize(pilots_) >= most_levels() || !(result.bias > allowed_bias())) break;
+      if (std::ssize(pilots_) >= most_levels() || !add) break;
       add_level();
     }
     finish(result);
@@ -126,7 +141,7 @@ class Driver {
 
   void add(Level& level, std::size_t l, const Statistics& s) {
     level.add(s);
-    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_text(s.fewer_threads));
+    if (s.fewer_threads > 0 && warnings_.empty()) warnings_.push_back(detail::fewer_threads_warning(s.fewer_threads));
     if (s.nonfinite > 0 || !std::isfinite(level.mean()) || !std::isfinite(level.variance())) {
       throw std::invalid_argument("multilevel: level " + std::to_string(l) +
                                   " (draws, or their squares, are not finite: no mean and no error)");
@@ -138,6 +153,31 @@ class Driver {
     const auto more = static_cast<std::int64_t>(std::min(draws, most_pilot)) - pilot.draws;
     if (more < 2) return;
     add(pilot, l, draws_of(l, pilot_first + pilot.draws, more));
+    if (l > 0) check_coupling(l);
+    if (l + 1 < pilots_.size() && pilots_[l + 1].draws > 0) check_coupling(l + 1);
+  }
+
+  // A coarse partner with another mean than the level below: the differences add up to nothing, and never end.
+  void check_coupling(std::size_t l) const {
+    constexpr std::int64_t fewest = 256;
+    constexpr double most = 8;  // errors: of 256 values of any shape, the larger of both variances on both sides
+    const Level& here = pilots_[l];
+    const Level& below = pilots_[l - 1];
+    if (here.draws < fewest || below.draws < fewest) return;
+    for (std::size_t c = 0; c < here.coarse.size(); ++c) {
+      const Moments& a = here.coarse[c];
+      const Moments& b = below.values[c];
+      const double variance = std::max(a.variance(), b.variance());
+      const double rounding = 1e-10 * (std::abs(a.mean) + std::abs(b.mean));
+      const double error = std::hypot(
+          std::sqrt(variance / static_cast<double>(a.count) + variance / static_cast<double>(b.count)), rounding);
+      const double gap = std::abs(a.mean - b.mean);
+      if (!(gap > most * error)) continue;
+      throw std::invalid_argument("multilevel: wrong coupling: the coarse partner of level " + std::to_string(l) +
+                                  " does not have the mean of the level below (" + format("%.3g", gap / error) +
+                                  " standard errors apart), so no number of levels ends; are fine and coarse "
+                                  "exchanged, or do levels not start at 0?");
+    }
   }
 
   // The draws that each level asks for, from pilots that know its variance, until the bias is small enough.
@@ -153,6 +193,8 @@ class Driver {
         double want = std::max(have, pilot_share * wanted_[l]);
         // A level whose variance is not known may cost as much as all others.
         if (pilot.hits() < enough_hits && pilot.work < cost) want = std::max(want, 2 * have);
+        // A base of zeros may be one that is rare.
+        if (l == 0 && pilot.second == 0 && have < fewest_equal) want = std::max(want, 4 * have);
         // Of the last three, the first knows its mean best.
         if (l + 3 == pilots_.size() && 2 * pilot.error() > 0.5 * allowed_bias() && have < wanted_[l]) {
           want = std::max(want, std::min(wanted_[l], 4 * have));
@@ -186,6 +228,14 @@ class Driver {
       }
       wanted_.push_back(std::max(n, 2.0));
     }
+    // Zeros that may hide a bias: draws that rule it out, for no more than the others cost.
+    const std::size_t l = pilots_.size() - 1;
+    const std::size_t last = last_shown(l);
+    if (last == 0 || last == l) return;
+    double cost = 0;
+    for (std::size_t k = 0; k < l; ++k) cost += wanted_[k] * pilots_[k].work_per_draw();
+    const double enough = 6 * std::sqrt(pilots_[last].fourth / pilots_[last].second) / allowed_bias();
+    wanted_[l] = std::max(wanted_[l], std::floor(std::min(enough, cost / pilots_[l].work_per_draw())));
   }
 
   void draw() {
@@ -218,6 +268,34 @@ class Driver {
     return std::clamp(-line.slope - line.slope_error, slowest_rate, most);
   }
 
+  // The last level before l whose pilot shows differences; 0: none does.
+  [[nodiscard]] std::size_t last_shown(std::size_t l) const {
+    while (l > 0 && pilots_[l].second == 0) --l;
+    return l;
+  }
+
+  // What zeros of level l may hide: nothing, where the share of draws with a difference promised some; else, by the rule
+  // of three, differences as large as the last ones.
+  [[nodiscard]] double of_zeros(std::size_t l) const {
+    const std::size_t last = last_shown(l);
+    if (last == 0) return 0;
+    const Level& seen = pilots_[last];
+    double share = seen.hits() / static_cast<double>(seen.draws);  // at least
+    double promised = 0;
+    for (std::size_t k = last + 1; k < pilots_.size(); ++k) {
+      share /= 2;
+      promised += share * static_cast<double>(pilots_[k].draws + levels_[k].draws);
+    }
+    if (promised >= hits_promised) return 0;
+    return 3 / static_cast<double>(pilots_[l].draws + levels_[l].draws) * std::sqrt(seen.fourth / seen.second);
+  }
+  // Of the last level, if it is zero; deeper ones then fall as the others do.
+  [[nodiscard]] double hidden_bias() const {
+    const std::size_t l = pilots_.size() - 1;
+    if (pilots_[l].second != 0 || levels_[l].second != 0) return 0;
+    return of_zeros(l) / (std::exp2(alpha_of(pilots_)) - 1);
+  }
+
   // The least upper bound of the last three levels, at two errors, but no less than a lower bound of any of them.
   [[nodiscard]] double remaining_bias(const std::vector<Level>& levels) const {
     const double alpha = alpha_of(levels);
@@ -240,6 +318,8 @@ class Driver {
 
   // Every level has shown its variance.
   [[nodiscard]] bool is_known() const {
+    const auto is_zero = [](const Level& pilot) { return pilot.second == 0; };
+    if (std::all_of(pilots_.begin(), pilots_.end(), is_zero)) return false;  // a rarer value would not have been seen
     return std::all_of(pilots_.begin(), pilots_.end(), [](const Level& pilot) {
       return pilot.hits() >= fewest_hits || (pilot.second == 0 && pilot.draws >= 1000);
     });
@@ -250,6 +330,12 @@ class Driver {
     result.alpha = alpha_of(levels_);
     result.seed = plan_.seed;
     result.warnings = warnings_;
+    if (std::all_of(levels_.begin(), levels_.end(), [](const Level& level) { return level.second == 0; })) {
+      result.warnings.push_back(
+          {WarningCode::equal_samples,
+           "all draws are zero, so the goal is not met: a value that comes up less than three times in " +
+               std::to_string(pilots_.front().draws) + " draws would not have been seen."});
+    }
     result.components.resize(levels_.front().components.size());
     std::vector<double> x;
     std::vector<double> logs;
@@ -279,7 +365,7 @@ class Driver {
   std::vector<Level> pilots_;
   std::vector<Level> levels_;
   std::vector<double> wanted_;
-  std::vector<std::string> warnings_;
+  std::vector<Warning> warnings_;
 };
 
 }  // namespace
@@ -315,19 +401,22 @@ MultilevelStatistics multilevel(const LevelRuns& runs, double error, const Plan&
   return result;
 }
 
-std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
-  for (std::size_t i = 0; i < s.components.size(); ++i) {
+namespace {
+
+void print(std::ostream& out, const MultilevelStatistics& s, bool full) {
+  detail::print_ends(s.components.size(), [&](std::size_t i, const std::string& left_out) {
     out << (i == 0 ? "mean          " : "              ")
-        << with_error(s.components[i].mean, s.components[i].standard_error) << '\n';
-  }
-  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like 2^(-"
-      << format("%.2f", s.alpha) << " l)\n";
+        << (left_out.empty() ? with_error(s.components[i].mean, s.components[i].standard_error) : left_out) << '\n';
+  });
+  out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like "
+      << power_text(-s.alpha, Decay::geometric) << '\n';
   out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
       << format("%.3g", s.error()) << '\n';
-  out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
+  if (full) out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
   out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
       << " in the pilots, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';
-  for (const std::string& warning : s.warnings) out << "warning       " << warning << '\n';
+  for (const Warning& warning : s.warnings) out << "warning       " << warning.text << '\n';
+  if (!full) return;
   const auto line = [&out](const std::array<std::string, 5>& cells) {
     constexpr std::array<std::size_t, 5> widths = {5, 10, 12, 12, 10};
     for (std::size_t i = 0; i < widths.size(); ++i) out << (i > 0 ? " " : "") << right(cells[i], widths[i]);
@@ -338,7 +427,15 @@ std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
   for (const MultilevelRow& r : s.rows) {
     line({std::to_string(r.level), std::to_string(r.draws), number(r.difference), number(r.variance), number(r.work)});
   }
+}
+
+}  // namespace
+
+std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& s) {
+  print(out, s, false);
   return out;
 }
+
+void print_full(std::ostream& out, const MultilevelStatistics& s) { print(out, s, true); }
 
 }  // namespace debias

@@ -9,9 +9,11 @@
 #include <map>
 #include <ostream>
 #include <stdexcept>
+#include <utility>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 #include "survey/pilot.hpp"
 
 namespace debias {
@@ -19,19 +21,21 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double first_pilot_draws = 1 << 14;  // of the lowest level, in work
-constexpr double fewest_pilot_draws = 1 << 12;
+constexpr double fewest_pilot_draws = 1 << 11;
 constexpr double most_pilot_draws = 1 << 26;  // in work of the lowest level, whatever a goal costs
 constexpr std::int64_t first_deepest = 12;    // level, of the first stage
 constexpr double open_growth = 4;             // while nothing is shown
+constexpr double most_open_work = 32;         // of the pilot, for a sample of the run, in draws of the lowest level
 constexpr double likely_share = 1.0 / 10;     // of the run's work, for an answer that is only likely
 constexpr double most_growth = 16;            // of a pilot over the one before
 constexpr int most_stages = 12;
 constexpr double pilot_share = 1.0 / 32;  // of the work of the run
 constexpr double most_base_work = 64;     // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;       // a deeper base has to bring 2 %
-constexpr double fewest_blocks = 2048;
-constexpr double fewest_together = 1024;  // blocks whose members run together: the longer they are, the quieter
+constexpr double fewest_blocks = 512;
+constexpr double fewest_together = 512;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
+constexpr double most_members = 0x1p61;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
 constexpr double narrow = 0.05;           // of the work's exponent, for the PMF with finite work where none has both
@@ -69,7 +73,9 @@ class Choice {
     model_ = model_of(survey_);
   }
 
-  void choose() {
+  /// `finally` draws all that it can to compare what it chose. False: no level has values that are finite numbers, of
+  /// finite variance.
+  [[nodiscard]] bool choose(bool finally) {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
@@ -77,12 +83,16 @@ class Choice {
         options_.base_level.value_or(std::max(options_.lowest_base, survey_.evidence.lowest_base));
     const std::int64_t highest =
         std::max(lowest, options_.base_level.value_or(survey_.rows[survey_.rows.size() - 2].level));
-    const double unit = row(lowest).value_work;
+    const auto first = std::find_if(survey_.rows.begin(), survey_.rows.end(), [&](const SurveyRow& r) {
+      return r.level >= lowest && survey_.row_at(r.level + 1) != nullptr;
+    });
+    if (first == survey_.rows.end()) return false;
+    const double unit = first->value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
-      if (m < highest && !has_moments(m)) continue;
-      if (m > lowest && exhausted(m)) break;
+      if (!has_moments(m)) continue;
+      if (m > lowest && exhausted(m) && exhausted(m - 1)) break;
       for (const Base base : {Base::every_sample, Base::one_outcome}) {
         if (options_.base && *options_.base != base) continue;
         const SingleTermForm form{m, base, advice_.block};
@@ -101,14 +111,15 @@ class Choice {
         chosen_ = form;
       }
     }
-    settle();
+    if (found) conclude(finally ? 1 : shared_share);
+    return found;
   }
 
  private:
   // The bounds of the exponent of a tail.
   [[nodiscard]] ExponentRange range() const {
     const Evidence& e = survey_.evidence;
-    const double work = e.exponential_work != e.polynomial ? e.work.value : 0;
+    const double work = e.exponential_work != e.polynomial ? std::max(0.0, e.work.value) : 0;
     const double beta = e.courses.empty() ? infinity : e.decay.value;
     return finite_exponents({beta, work, e.polynomial ? Decay::polynomial : Decay::geometric});
   }
@@ -275,8 +286,8 @@ class Choice {
     return AnyPmf(Tabulated(std::move(masses), rounded(std::exp2(-exponent), 4)));
   }
 
-  void settle() {
-    const TermMoments moments = moments_of(chosen_, 1);
+  void conclude(double share) {
+    const TermMoments moments = moments_of(chosen_, share);
     advice_.base_level = chosen_.base_level;
     advice_.base = chosen_.base;
     advice_.shares_base = chosen_.base == Base::every_sample && runs_.shared;
@@ -313,11 +324,8 @@ void set_members(Advice& advice, double members) {
     advice.block *= 2;
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
-  if (!(blocks * static_cast<double>(advice.block) < 0x1p62)) {
-    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", members) +
-                                " members (does not fit 64 bits)");
-  }
-  advice.members = static_cast<std::int64_t>(blocks) * advice.block;
+  // A first pilot may ask for more than there is.
+  advice.members = static_cast<std::int64_t>(std::min(blocks, most_members / largest_block)) * advice.block;
 }
 
 double wanted_members(const Advice& advice, const Plan& plan) {
@@ -334,15 +342,31 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   }
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
-  return std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no standard error
+  const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
+  constexpr double most_members = 0x1p46;
+  if (members > most_members) {
+    double seconds = 0;
+    double work = 0;
+    for (const SurveyRow& r : advice.survey.rows) {
+      seconds += r.seconds * static_cast<double>(r.draws);
+      work += std::max(r.difference_work, r.value_work) * static_cast<double>(r.draws);
+    }
+    throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
+                                format("%.2g", members * advice.predicted.work) + ", about " +
+                                format("%.2g", members * advice.predicted.work * seconds / work) +
+                                " seconds); ask for a larger error");
+  }
+  return members;
 }
 
 std::string levels_text(const Evidence& e) {
-  if (e.first_usable < 0) return "no level";
-  return e.first_usable == e.last_usable
-             ? "level " + std::to_string(e.first_usable)
-             : "levels " + std::to_string(e.first_usable) + " to " + std::to_string(e.last_usable);
+  return e.first_usable < 0 ? "no level" : levels_words(e.first_usable, e.last_usable);
 }
+
+Decay unit_of(const Evidence& e) { return e.polynomial ? Decay::polynomial : Decay::geometric; }
+
+// In the unit of the decay; of an exponent of the other kind nothing is left.
+FittedRate growth_of_work(const Evidence& e) { return e.exponential_work != e.polynomial ? e.work : FittedRate{}; }
 
 // What the levels show of the decay.
 std::string rate_text(const Survey& s) {
@@ -351,18 +375,18 @@ std::string rate_text(const Survey& s) {
   if (e.end == End::zeros || e.end == End::stated) return "the differences are zero beyond the first levels";
   if (e.courses.empty()) return "too few levels show their second moment";
   if (s.rates.kind == RateKind::super_exponential) return "the differences fall faster than any power";
-  const char* unit = e.polynomial ? "k^" : "2^(k x ";
-  const char* end = e.polynomial ? "" : ")";
-  const bool grows = e.exponential_work != e.polynomial;
-  return "E D_k^2 falls like " + std::string(unit) + format("%.2f", -e.decay.value) + end + " (+- " +
-         format("%.2f", e.decay.error) + ", " + levels_text(e) + "), work grows like " + unit +
-         format("%.2f", grows ? e.work.value : 0) + end;
+  return decay_words("E D_k^2", e.decay, unit_of(e), levels_text(e)) + ", " +
+         growth_words("work", growth_of_work(e), unit_of(e));
 }
+
+constexpr const char* what_helps =
+    "a better coupling or a smoother integrand (beta up), extrapolation (alpha up), or multilevel, whose bias is "
+    "stated";
 
 void describe_none(Advice& a) {
   const Evidence& e = a.survey.evidence;
   const bool polynomial = e.polynomial;
-  const double work = e.exponential_work != polynomial ? e.work.value : 0;
+  const double work = e.exponential_work != polynomial ? std::max(0.0, e.work.value) : 0;
   const double beta = e.decay.value;
   const double rho = work + narrow + (polynomial ? 1 : 0);
   a.pmf = polynomial ? AnyPmf(Zeta(rho)) : AnyPmf(Geometric::with_exponent(std::max(rho, narrow)));
@@ -371,17 +395,18 @@ void describe_none(Advice& a) {
   a.highest_moment = !(excess > 0) ? infinity : (rho - (polynomial ? 1 : 0)) / excess;
   a.sentences.push_back("no PMF has finite variance and finite work (" + std::string(name_of(a.survey.grade)) +
                         "): " + rate_text(a.survey));
+  const bool falls = beta > 0 && !is_flat(e.decay);
   std::string best = "the best with finite work is " + a.pmf.spec();
-  if (std::isfinite(a.highest_moment)) best += ": moments are finite below " + format("%.3g", a.highest_moment);
-  if (!polynomial && beta > 0 && work > 0) {
+  if (std::isfinite(a.highest_moment)) {
+    best += ": " + (falls || a.highest_moment <= 1 ? moments_words(a.highest_moment)
+                                                   : std::string("it is open whether even the mean is finite"));
+  }
+  if (!polynomial && falls && work > 0) {
     best += " (stable index " + format("%.3g", std::min(2.0, 2 * work / (2 * work - beta))) +
             " in the limit), the error falls like work^-" + format("%.2g", std::min(0.5, beta / (2 * work)));
   }
   a.sentences.push_back(best);
-  a.sentences.emplace_back(
-      "what helps: a better coupling or a smoother integrand (beta up), extrapolation (alpha up), or "
-      "multilevel, whose "
-      "bias is stated");
+  a.sentences.push_back(std::string("what helps: ") + what_helps);
 }
 
 void describe(Advice& a) {
@@ -412,16 +437,15 @@ void describe(Advice& a) {
   if (together) efficiency += " and are not stratified by their first uniform";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
-  std::string moments =
-      "the tail of the PMF falls like " +
-      (a.exponent.decay == Decay::polynomial ? "k^" + format("%.2f", -rho) : "2^(k x " + format("%.2f", -rho) + ")");
-  if (std::isfinite(a.highest_moment)) moments += ": moments below " + format("%.3g", a.highest_moment) + " are finite";
+  std::string moments = decay_words("the tail of the PMF", {rho, 0}, a.exponent.decay);
+  if (std::isfinite(a.highest_moment)) moments += ": " + moments_words(a.highest_moment);
   if (a.price != 1) {
-    a.sentences.push_back((a.deepest_level == deepest_of_all
-                               ? "no level of 2^62 or more can be drawn (it does not fit 64 bits)"
+    a.warnings.push_back({WarningCode::deepest_level,
+                          (a.deepest_level == deepest_of_all
+                               ? std::string("no level of 2^62 or more can be drawn (it does not fit 64 bits)")
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
-                          std::string(": so that it hardly comes up, the PMF falls faster than the best one, at ") +
-                          format("%.3g", a.price) + " times its variance x work");
+                              ": so that it hardly comes up, the PMF falls faster than the best one, at " +
+                              format("%.3g", a.price) + " times its variance x work"});
   }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");
@@ -494,15 +518,17 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   LevelRuns runs = remembering(levels, extra);
   if (options.rates) runs.facts.declared = options.rates;
   const double unit = std::max(runs.work(lowest, pilot_plan).first, std::numeric_limits<double>::min());
-  const double samples = plan.goal.asked() ? infinity : static_cast<double>(plan.samples);
-  double budget = unit * std::clamp(samples / 2, fewest_pilot_draws, first_pilot_draws);
+  // Of a goal nobody knows yet how long a run it takes.
+  const double first_draws = plan.goal.asked() ? fewest_pilot_draws : static_cast<double>(plan.samples) / 2;
+  double budget = unit * std::clamp(first_draws, fewest_pilot_draws, first_pilot_draws);
   if (options.budget) budget = std::min(budget, *options.budget);
   Pilot pilot(runs, pilot_plan);
   Advice advice;
   std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
+  bool has_base = true;
   for (int stage = 0;; ++stage) {
     pilot.grow(budget, deepest);
-    const auto choose = [&](bool budget_spent) {
+    const auto choose = [&](bool budget_spent, bool finally) {
       Advice next;
       next.survey = pilot.survey(budget_spent);
       next.facts = runs.facts;
@@ -516,10 +542,15 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         next.block = std::max<std::int64_t>(advice.block, 64);
         set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
                                             : static_cast<double>(plan.samples));
-        Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();
-        if (plan.goal.asked()) {
+        const bool asked = plan.goal.asked();
+        has_base = Choice(runs, pilot_plan, options, asked, next).choose(finally && !asked);
+        if (!has_base) {
+          next.survey.pmf_exists = Answer::open;
+          next.survey.grade = Grade::open;
+        } else if (asked) {
           set_members(next, wanted_members(next, plan));
-          Choice(runs, pilot_plan, options, plan.goal.asked(), next).choose();  // with the block of that many members
+          // With the block of that many members.
+          has_base = Choice(runs, pilot_plan, options, asked, next).choose(finally);
           set_members(next, wanted_members(next, plan));
         }
       }
@@ -527,9 +558,14 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       next.pilot_seconds = seconds_so_far();
       return next;
     };
-    advice = choose(false);
-    const double run_work =
-        std::min(advice.predicted.work * static_cast<double>(advice.members), most_pilot_draws * unit);
+    advice = choose(false, false);
+    // Without a base, that of a run whose base is the deepest level.
+    const double of_member = has_base ? advice.predicted.work : advice.survey.rows.back().value_work;
+    double run_work = std::min(of_member * static_cast<double>(advice.members), most_pilot_draws * unit);
+    // What is open may have no PMF, and then a work that is next to endless.
+    if (advice.survey.pmf_exists != Answer::yes && !plan.goal.asked()) {
+      run_work = std::min(run_work, most_open_work * unit * static_cast<double>(advice.members));
+    }
     const double limit = options.budget.value_or(std::max(run_work, 0.0));
     double wanted = 0;
     if (advice.survey.pmf_exists != Answer::yes) {
@@ -541,10 +577,20 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
       }
     }
-    wanted = std::min(wanted, limit);
+    // What a choice draws for itself counts, too.
+    wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra));
+    if (plan.goal.seconds > 0) {
+      wanted = std::min(wanted, budget * plan.goal.seconds / 4 / std::max(advice.pilot_seconds, 1e-9));
+    }
     const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
     if (stage == most_stages || late || !(wanted > 1.5 * budget)) {
-      if (advice.survey.pmf_exists == Answer::open) advice = choose(true);
+      if (!has_base) {
+        throw std::invalid_argument(
+            "recipe: no level up to " + std::to_string(advice.survey.rows.back().level) +
+            " can be the base (values, or their squares, are not finite numbers in these draws); take draws whose "
+            "weights vary less, or a larger budget for deeper levels");
+      }
+      advice = choose(advice.survey.pmf_exists == Answer::open, true);
       break;
     }
     if (advice.survey.pmf_exists != Answer::yes) deepest *= 4;
@@ -552,31 +598,94 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   }
   advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too
   advice.pilot_seconds = seconds_so_far();
+  if (advice.usable() && static_cast<double>(advice.members) >= most_members) {
+    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", wanted_members(advice, plan)) +
+                                " members (does not fit 64 bits); ask for a larger error");
+  }
+  for (const Warning& remark : advice.survey.remarks) {
+    if (!is_note(remark.code)) advice.warnings.push_back(remark);
+  }
   advice.usable() ? describe(advice) : describe_none(advice);
   return advice;
 }
 
-std::ostream& operator<<(std::ostream& out, const Advice& advice) {
-  const char* name = "recipe";
-  for (const std::string& sentence : advice.sentences) {
-    out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << sentence << '\n';
-    name = "";
-  }
-  out << "pilot         work " << format("%.4g", advice.pilot_work) << ", " << std::to_string(advice.survey.rows.size())
-      << " levels";
-  for (const std::string& remark : advice.survey.remarks) out << "; " << remark;
-  return out << '\n';
+namespace {
+
+void print_line(std::ostream& out, const char* name, const std::string& text) {
+  out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
 }
 
-Plan detail::plan_of(const Plan& plan, const Advice& advice) {
-  if (!advice.usable()) {
-    std::string reasons = "recipe: ";
-    for (const std::string& sentence : advice.sentences)
-      reasons += (&sentence == &advice.sentences.front() ? "" : "; ") + sentence;
-    throw std::invalid_argument(reasons);
+std::string pilot_text(const Advice& advice) {
+  return "work " + format("%.4g", advice.pilot_work) + ", " + std::to_string(advice.survey.rows.size()) + " levels";
+}
+
+}  // namespace
+
+std::ostream& operator<<(std::ostream& out, const Advice& advice) {
+  if (!advice.sentences.empty()) print_line(out, "recipe", advice.sentences.front());
+  if (advice.usable()) {
+    print_line(out, "pmf", advice.pmf.spec());
+    print_line(out, "base",
+               "level " + std::to_string(advice.base_level) +
+                   (advice.base == Base::one_outcome ? ", one outcome of the PMF" : ", in every sample") +
+                   "; blocks of " + std::to_string(advice.block));
+    print_line(out, "predicted",
+               "variance " + format("%.3g", advice.predicted.variance) + " x work " +
+                   format("%.4g", advice.predicted.work) +
+                   " of a member = " + format("%.3g", advice.predicted.product()));
   }
+  print_line(out, "pilot", pilot_text(advice));
+  for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
+  return out;
+}
+
+void print_full(std::ostream& out, const Advice& advice) {
+  const char* name = "recipe";
+  for (const std::string& sentence : advice.sentences) {
+    print_line(out, name, sentence);
+    name = "";
+  }
+  if (advice.usable()) print_line(out, "pmf", advice.pmf.spec());
+  print_line(out, "pilot", pilot_text(advice));
+  for (const Warning& remark : advice.survey.remarks) {
+    if (is_note(remark.code)) print_line(out, "remark", remark.text);
+  }
+  for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
+}
+
+void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
+  for (const Warning& doubt : advice.warnings) {
+    const auto same = [&doubt](const Warning& w) { return w.code == doubt.code; };
+    if (std::none_of(result.warnings.begin(), result.warnings.end(), same)) print_line(out, "warning", doubt.text);
+  }
+}
+
+namespace {
+
+// What an advice without a PMF has to say to who wanted one.
+NoPmfError refusal_of(const Advice& advice) {
+  const Evidence& e = advice.survey.evidence;
+  constexpr double unknown = NoPmfError::unknown;
+  NoPmfError::Facts facts;
+  facts.variance_decay = e.courses.empty() ? FittedRate{unknown, unknown} : e.decay;
+  facts.work_growth = {growth_of_work(e).value, unknown};
+  facts.decay = unit_of(e);
+  facts.grade = advice.survey.grade == Grade::shown ? NoPmfError::Grade::shown : NoPmfError::Grade::likely;
+  facts.reason = rate_text(advice.survey);
+  facts.help = what_helps;
+  std::string what = "recipe: ";
+  for (const std::string& sentence : advice.sentences) {
+    what += (&sentence == &advice.sentences.front() ? "" : "; ") + sentence;
+  }
+  return {what, std::move(facts)};
+}
+
+}  // namespace
+
+Plan detail::plan_of(const Plan& plan, const Advice& advice) {
+  if (!advice.usable()) throw refusal_of(advice);
   Plan run = plan;
-  run.samples = advice.members / advice.block;
+  run.samples = advice.members;
   run.pilot += {advice.pilot_work, advice.pilot_seconds};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.
@@ -588,8 +697,8 @@ void detail::follow(Statistics& statistics, const Advice& advice, const Goal& go
   statistics.goal = goal;
   statistics.pilot_levels = advice.survey.evidence.facts;
   statistics.sequence = advice.facts;
-  for (const std::string& remark : advice.survey.remarks) {
-    if (remark.find("every estimate from it is biased") != remark.npos) statistics.warnings.push_back(remark + ".");
+  for (const Warning& remark : advice.survey.remarks) {
+    if (remark.code == WarningCode::coupling) statistics.warnings.push_back({remark.code, remark.text + "."});
   }
 }
 

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -83,7 +84,7 @@ SurveyRow row_of(const Statistics& s, std::int64_t level, const std::pair<double
   for (const LevelRow& l : s.levels) {
     if (l.is_base) continue;
     row.second_moment = l.second_moment;
-    if (l.second_moment > 0) row.kurtosis = l.fourth_moment / (l.second_moment * l.second_moment);
+    row.kurtosis = l.kurtosis;
   }
   row.second_moment_error = row.second_moment * std::sqrt(std::max(row.kurtosis - 1, 0.0) / n);
   row.nonzero = s.components.back().mean;
@@ -120,10 +121,12 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
     throw std::invalid_argument("survey: samples = " + std::to_string(plan.samples) +
                                 " (a variance needs two draws of each level); 4096 is a good start");
   }
-  if (levels - 1 > runs.deepest_level) {
-    throw std::invalid_argument("survey: levels = " + std::to_string(levels) +
+  if (runs.deepest_level - first < levels - 1) {
+    const std::string from = first == 0 ? "" : " from level " + std::to_string(first) + " on";
+    throw std::invalid_argument("survey: levels = " + std::to_string(levels) + from +
                                 " (the deepest that can be drawn is level " + std::to_string(runs.deepest_level) +
-                                "); ask for at most " + std::to_string(runs.deepest_level + 1));
+                                "); ask for at most " +
+                                std::to_string(std::max<std::int64_t>(0, runs.deepest_level - first + 1)));
   }
   std::vector<SurveyRow> rows;
   bool interrupted = false;
@@ -142,9 +145,10 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
   Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
-  if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_text(fewer_threads));
+  if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {
-    result.remarks.push_back("interrupted: " + std::to_string(complete) + " of " + std::to_string(levels) + " levels");
+    result.remarks.push_back({WarningCode::interrupted, "interrupted: " + std::to_string(complete) + " of " +
+                                                            std::to_string(levels) + " levels"});
   }
   return result;
 }
@@ -202,41 +206,84 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
 
 namespace {
 
-std::string rate_text(const FittedRate& r) {
+// A decay or a growth; what is none, or goes the other way, is said.
+std::string rate_text(const FittedRate& r, const char* other_way) {
   if (std::isinf(r.value)) return "faster than any";
   if (std::isnan(r.value)) return "unknown";
-  return format("%.2f", r.value) + " +- " + format("%.2f", r.error);
+  const std::string figures = format("%.2f", r.value) + " +- " + format("%.2f", r.error);
+  if (is_flat(r)) return "none (" + figures + ")";
+  return r.value < 0 ? figures + " (" + other_way + ")" : figures;
+}
+
+void print_table(std::ostream& out, const std::vector<std::vector<std::string>>& rows,
+                 const std::vector<std::size_t>& widths) {
+  for (const std::vector<std::string>& cells : rows) {
+    std::string text;
+    for (std::size_t i = 0; i < widths.size(); ++i) text += (i > 0 ? " " : "") + right(cells[i], widths[i]);
+    out << text << (cells.back().empty() ? "" : "  " + cells.back()) << '\n';
+  }
+}
+
+std::string number(detail::NumberPattern pattern, double x) {
+  return std::isfinite(x) ? format(pattern, x) : std::string("-");
+}
+
+std::string mark_of(const SurveyRow& r) {
+  if (r.fitted) return "*";
+  return r.second_moment == 0 ? "zeros" : r.usable ? "" : "few draws";
+}
+
+void print_answer(std::ostream& out, const Survey& survey) {
+  out << "a PMF with finite variance and finite work exists: " << name_of(survey.pmf_exists);
+  if (survey.pmf_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
+}
+
+// The rates in words, as far as they are known.
+std::string rates_text(const MeasuredRates& m) {
+  const Decay unit = m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric;
+  const std::string fall = m.kind == RateKind::exact_zero ? std::string("the differences end")
+                                                          : decay_words("E D_k^2", m.variance_decay, unit);
+  return fall + ", " + growth_words("work", m.work_growth, unit);
 }
 
 }  // namespace
 
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
-  const auto line = [&out](const std::array<std::string, 12>& cells) {
-    constexpr std::array<std::size_t, 11> widths = {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9};
-    for (std::size_t i = 0; i < widths.size(); ++i) out << right(cells[i], widths[i]) << (i < 10 ? " " : "  ");
-    out << cells.back() << '\n';
-  };
-  const auto number = [](detail::NumberPattern pattern, double x) {
-    return std::isfinite(x) ? format(pattern, x) : std::string("-");
-  };
-  line({"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""});
+  std::vector<std::vector<std::string>> rows = {{"level", "draws", "E I", "E D", "+-", "E D^2", "work", ""}};
   for (const SurveyRow& r : survey.rows) {
-    line({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean), number("%.3g", r.variance),
-          number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
-          number("%.3g", r.kurtosis), number("%.2f", r.consistency), number("%.4g", r.difference_work),
-          number("%.3g", 1e6 * r.seconds),
-          r.fitted ? "*" : (r.second_moment == 0 ? "zeros" : (r.usable ? "" : "few draws"))});
+    rows.push_back({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean),
+                    number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
+                    number("%.4g", r.difference_work), mark_of(r)});
   }
+  print_table(out, rows, {5, 9, 11, 11, 9, 9, 9});
+  print_answer(out, survey);
+  out << "; " << rates_text(survey.rates) << '\n';
+  for (const Warning& remark : survey.remarks) {
+    if (!is_note(remark.code)) out << "warning: " << remark.text << '\n';
+  }
+  return out;
+}
+
+void print_full(std::ostream& out, const Survey& survey) {
+  std::vector<std::vector<std::string>> rows = {
+      {"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""}};
+  for (const SurveyRow& r : survey.rows) {
+    rows.push_back({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean),
+                    number("%.3g", r.variance), number("%.4g", r.difference), number("%.2g", r.difference_error),
+                    number("%.3g", r.second_moment), number("%.3g", r.kurtosis), number("%.2f", r.consistency),
+                    number("%.4g", r.difference_work), number("%.3g", 1e6 * r.seconds), mark_of(r)});
+  }
+  print_table(out, rows, {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9});
   const MeasuredRates& m = survey.rates;
   const char* unit = m.kind == RateKind::polynomial ? "k^-" : "2^-k";
-  out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean_decay) << ", variance "
-      << rate_text(m.variance_decay) << ", fourth moment " << rate_text(m.fourth_decay) << ", work "
-      << rate_text(m.work_growth) << '\n';
-  out << "a PMF with finite variance and finite work exists: " << name_of(survey.pmf_exists);
-  if (survey.pmf_exists != Answer::open) out << " (" << name_of(survey.grade) << ')';
+  out << "rates (levels *, in powers " << unit << "): mean " << rate_text(m.mean_decay, "grows") << ", variance "
+      << rate_text(m.variance_decay, "grows") << ", fourth moment " << rate_text(m.fourth_decay, "grows") << ", work "
+      << rate_text(m.work_growth, "falls") << '\n';
+  print_answer(out, survey);
   out << '\n';
-  for (const std::string& remark : survey.remarks) out << "remark: " << remark << '\n';
-  return out;
+  for (const Warning& remark : survey.remarks) {
+    out << (is_note(remark.code) ? "remark: " : "warning: ") << remark.text << '\n';
+  }
 }
 
 }  // namespace debias

@@ -162,7 +162,7 @@ start() {
 processes=
 start run run A01 --samples 1e15 -o run.result
 start goal run A01 --error 1e-12
-start recipe run A10 --pmf auto --samples 1e15
+start recipe run A10 --estimator recipe --samples 1e15
 start multilevel run E02 --estimator multilevel --error 1e-6
 start resume resume whole --samples 1e15
 start validate validate --samples 1e4

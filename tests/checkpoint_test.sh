@@ -13,8 +13,14 @@ check "a finished run is said again" same "$(answer resume a)" "$whole"
 check "a finished run grows" same "$(answer resume a --samples 300001 --threads 1)" "$(answer run A03 --samples 300001)"
 check "and grows again" same "$(answer resume a --samples 4e5)" "$(answer run A03 --samples 4e5)"
 check "a stratified run grows from within a chunk" same \
-  "$(answer run E02 --block 64 --samples 1001 --checkpoint b >/dev/null; answer resume b --samples 3000)" \
-  "$(answer run E02 --block 64 --samples 3000)"
+  "$(answer run E02 --block 64 --samples 64064 --checkpoint b >/dev/null; answer resume b --samples 192000)" \
+  "$(answer run E02 --block 64 --samples 192000)"
+check "samples of a stratified run are rounded up to whole blocks, again when it goes on" same \
+  "$(answer run E02 --block 64 --samples 1000 --checkpoint w >/dev/null; answer resume w --samples 1000 | grep -E '"(samples|blocks|block)":')" \
+  '  "block": 64,
+  "samples": 1024,
+  "blocks": 16,'
+check "and none is thrown away" refused_by 2 "holds 1024 samples" resume w --samples 960
 check "a run with a goal says the same" same "$(answer run A03 --error 2e-3 --checkpoint g)" "$(answer run A03 --error 2e-3)"
 check "and again" same "$(answer resume g)" "$(answer run A03 --error 2e-3)"
 # A goal asked for twice took two pilots.
@@ -97,22 +103,22 @@ word() { grep -a "^$1=" "$2" | cut -d= -f2-; }
 chosen() {
   shape="--estimator $(word estimator "$1") --pmf $(word pmf "$1") --base-level $(word base_level "$1") --block $(word block "$1")"
 }
-recipe=$(answer run A03 --pmf auto --samples 2e5)
-check "a recipe says the same with a checkpoint" same "$(answer run A03 --pmf auto --samples 2e5 --checkpoint r)" "$recipe"
+recipe=$(answer run A03 --estimator recipe --samples 2e5)
+check "a recipe says the same with a checkpoint" same "$(answer run A03 --estimator recipe --samples 2e5 --checkpoint r)" "$recipe"
 check "it is said again, but for its pilot" same "$(answer resume r | without_recipe)" "$(echo "$recipe" | without_recipe)"
 chosen r
 check "it grows under its PMF" same "$(answer resume r --samples 5000 | without_work)" \
   "$(answer run A03 $shape --samples 5000 | without_work)"
 check "and its pilot still counts" same "$(answer resume r | grep '^  "pilot_work"')" "$(echo "$recipe" | grep '^  "pilot_work"')"
-answer run E02 --pmf auto --error 0.1 --checkpoint rg > /dev/null
+answer run E02 --estimator recipe --error 0.1 --checkpoint rg > /dev/null
 chosen rg
 check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.05 | without_work)" \
   "$(answer run E02 $shape --error 0.05 | without_work)"
-for i in 1 2; do answer run A03 --pmf auto --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
+for i in 1 2; do answer run A03 --estimator recipe --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
 check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe | without_work)" \
   "$(echo "$recipe" | without_recipe | without_work)"
-recipe=$(answer run E02 --pmf auto --samples 2e7)
-"$debias" run E02 --pmf auto --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
+recipe=$(answer run E02 --estimator recipe --samples 2e7)
+"$debias" run E02 --estimator recipe --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
 pid=$!
 tries=0
 while [ $tries -lt 100 ] && ! grep -aq "^pmf=tabulated" rk 2>/dev/null; do sleep 0.02; tries=$((tries + 1)); done

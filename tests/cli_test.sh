@@ -49,18 +49,51 @@ refused_by 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roul
 refused_by 2 "--base-level = '-1'" run A01 --base-level -1
 refused_by 2 "levels are drawn from 100 on" run A01 --base-level 99
 refused_by 2 "no PMF has both" run E06
-refused_by 2 "no PMF has finite variance and finite work.*stable index" run E06 --pmf auto
-refused_by 2 "a replay needs the PMF itself" replay A01 --pmf auto --seed 1 --sample 1
-refused_by 2 "'roulette'" run D01 --pmf auto --estimator roulette
+refused_by 2 "no PMF has finite variance and finite work (shown)" run C12 --estimator recipe
+refused_by 2 "the run has printed" replay A01 --estimator recipe --seed 1 --sample 1
+refused_by 2 "a sweep is for" tradeoff A01 --estimator recipe
+refused_by 2 "--pmf = 'zeta:s=2' (a recipe chooses it)" run A01 --estimator recipe --pmf zeta:s=2
+refused_by 2 "--block = '8' (a recipe chooses it)" run A01 --estimator recipe --block 8
+# ---- names of 0.1, to be removed at 0.3
+for typed in 'run A01 --law geometric:r=.5' 'run A01 --law=zeta:s=2' 'replay --law poisson:lambda=1 A01 --seed 1 --sample 1' \
+  'resume file --law zeta:s=2'; do
+  refused_by 2 '`--law` is `--pmf` since 0.2$' $typed
+done
+for typed in '--law auto' '--law=auto'; do
+  refused_by 2 '`--law auto` is `--estimator recipe` since 0.2$' run A01 $typed --samples 100
+done
+for typed in '--pmf auto' '--pmf=auto'; do
+  refused_by 2 '`--pmf auto` is `--estimator recipe` since 0.2$' run A01 $typed
+done
+refused_by 2 '`--pmf auto` is `--estimator recipe` since 0.2$' replay A01 --pmf auto --seed 1 --sample 1
+refused_by 2 '`--time` is `--seconds` since 0.2$' run A01 --time 10s
+refused_by 2 '`--time` is `--seconds` since 0.2$' resume file --time=1
+refused_by 2 '`list laws` is `list pmfs` since 0.2$' list laws
+refused_by 2 '`list laws` is `list pmfs` since 0.2$' list --json laws
+refused_by 2 "'--laws' (no option" run A01 --laws 3
+# with --json a program reads the refusal, which a typing error has not
+for words in 'E06' 'C12 --estimator recipe'; do
+  "$debias" run $words --json > out 2> err
+  check "exit code of no PMF in JSON: $words" same $? 2
+  check "one line on stderr of it: $words" same "$(lines err)" 1
+  check "its kind: $words" has '"kind": "no_pmf"' out
+  check "its decay: $words" has '"variance_decay": [-0-9.]*,' out
+  check "its reason: $words" has '"reason": "E D_k^2 ' out
+done
+"$debias" run E06 --json > out 2> err
+check "declared rates are exact" has '"grade": "declared"' out
+"$debias" run C12 --json > out 2> err
+check "what grows is not said to fall" has '"reason": "E D_k^2 grows like 2^(1 k)' out
+refused_by 2 "did you mean" run E06 --pmf geometrc:r=0.5 --json
 refused_by 2 "--block = '0'" run A01 --block 0
 refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
 refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
 refused_by 2 "no PMF, base level or block" run A01 --estimator multilevel --error 0.1 --pmf zeta:s=2
 refused_by 2 "--error = '0'" run A01 --error 0
 refused_by 2 "--error = ''" run A01 --error ''
-refused_by 2 "--time = 'soon'" run A01 --time soon
+refused_by 2 "--seconds = 'soon'" run A01 --seconds soon
 refused_by 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
-refused_by 2 "keep one" run A01 --error 0.1 --time 1s
+refused_by 2 "keep one" run A01 --error 0.1 --seconds 1s
 refused_by 2 "64 bits" run A01 --error 1e-300
 refused_by 2 "--levels = '1'" survey A01 --levels 1
 refused_by 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
@@ -84,7 +117,7 @@ refused_by 2 "both" validate --report --hard
 refused_by 2 "leave it out" validate --report --checkpoint c
 refused_by 2 "--confidence" validate A01 --confidence 0.9
 refused_by 2 "write problems, estimators or pmfs" list everything
-refused_by 2 "did you mean 'PMFs'" list PMF
+refused_by 2 "did you mean 'pmfs'" list PMF
 refused_by 2 "'problems'" list pmfs problems
 refused_by 2 "is not a problem" run 'A01
 A03'
@@ -173,15 +206,15 @@ check "an explicit PMF runs where none is good" same $? 0
 check "and the verdict says so" has 'INFINITE' out
 
 # ---- recipes, goals, surveys and sweeps
-"$debias" run A10 --pmf auto --samples 1e5 --seed 4 --json > run.json 2> err
+"$debias" run A10 --estimator recipe --samples 1e5 --seed 4 --json > run.json 2> err
 check "a recipe runs" same $? 0
 check "a recipe says what it chose" has '"recipe": {' run.json
-for key in PMF estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
+for key in pmf estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
 sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
   --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
 check "the PMF of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
-"$debias" run A10 --pmf auto --samples 1e4 > run.txt
+"$debias" run A10 --estimator recipe --samples 1e4 --full > run.txt
 largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
 eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
 check "the replay that a recipe prints is a command" \
@@ -195,12 +228,26 @@ check "a goal is met" same $? 0
 check "a goal says so" has '"met": true' out
 "$debias" run E02 --estimator multilevel --error 0.1 > out
 check "multilevel states its bias" has '^bias' out
-"$debias" run A01 --time 1e-9 > out 2> err
+"$debias" run A01 --seconds 1e-9 > out 2> err
 check "exit code of a missed goal" same $? 3
 check "a missed goal prints its result" has 'NOT met' out
 check "one line on a missed goal" same "$(lines err)" 1
 "$debias" survey A10 --levels 6 --samples 1000 > out
 check "a survey ends in an answer" has 'exists: yes' out
+check "a brief survey has no kurtosis" lacks kurtosis out
+"$debias" survey A01 --samples 1000 --full > out 2> err
+check "a full survey has" has kurtosis out
+"$debias" run A10 --samples 20000 > brief 2> err
+"$debias" run A10 --samples 20000 --full > out 2> err
+check "a brief run is brief" [ "$(lines brief)" -le 8 ]
+check "with one line of verdict" same "$(grep -c '^verdict' brief)" 1
+for word in efficiency coupling 'upper tail' largest 'E D^2'; do
+  check "a full run has $word" has "$word" out
+  check "a brief one has not: $word" lacks "$word" brief
+done
+"$debias" run A10 --samples 1 --json > out 2> err
+check "warnings have codes" has '"code": "one_sample"' out
+refused_by 2 "'--full'" list --full
 "$debias" tradeoff A10 --points 5 --samples 1000 > out 2> err
 check "a sweep has its best and its bound" eval 'grep -q "best of the family" out && grep -q "^bound" out'
 "$debias" tradeoff A10 --points 5 --samples 1000 --csv > out
@@ -248,7 +295,7 @@ for text in sys.stdin if sys.argv[1] == "lines" else [sys.stdin.read()]:
   json.loads(text, parse_constant=refuse)'
   for command in 'list' 'list estimators' 'list pmfs' 'run A01 --samples 1000' 'run A01 --samples 1' \
     'run M02 --estimator truncated --samples 10' 'replay A01 --seed 1 --sample 3' 'survey B01 --samples 100' \
-    'survey A01 --samples 100' 'run A01 --pmf auto --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
+    'survey A01 --samples 100' 'run A01 --estimator recipe --samples 1e4' 'run E02 --estimator multilevel --error 0.5' 'tradeoff A01 --samples 100' \
     'tradeoff E06 --samples 100' 'tradeoff D03 --family zeta --samples 100'; do
     "$debias" $command --json > out
     check "valid JSON: $command" python3 -c "$strict" whole < out 2> err

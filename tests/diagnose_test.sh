@@ -23,6 +23,10 @@ seq 1000 > numbers
 diagnosed 0 numbers
 check "the count" has '^values *1000$' out
 check "the mean" has '^mean *500.5(9.1)' out
+check "one line of verdict" same "$(grep -c '^verdict *variance finite' out)" 1
+check "no more than the file, how it was read, values, mean and verdict" same "$(lines out)" 5
+diagnosed 0 numbers --full
+check "the count, in full" has '^values *1000$' out
 check "both tails are light" same "$(grep -c 'tail *k = -' out)" 2
 check "the verdict" has '^verdict *variance finite' out
 check "a doubling" has '^ *512 *256.5 ' out
@@ -69,6 +73,7 @@ diagnosed 0 one
 check "one value has a mean and no error" has '^mean *3$' out
 check "and a warning" has 'no standard error' out
 diagnosed 0 one --json
+check "its code in JSON" has '"code": "one_sample"' out
 check "one value in JSON" has '"standard_error": null' out
 yes 7 | head -100 > equal
 diagnosed 0 equal
@@ -172,10 +177,10 @@ check "cutoffs in the unit of the values" [ -s got ]
 check "cutoffs have the scale" has '"cutoff": .*e+200' out
 for scale in 1e200 1e-200 1e-300; do
   chain $scale > chain
-  diagnosed 0 chain.1
+  diagnosed 0 chain.1 --full
   grep -o 'blocks is [0-9.]* times' out > wanted
   grep -o 'k = .*' out >> wanted
-  diagnosed 0 chain
+  diagnosed 0 chain --full
   grep -o 'blocks is [0-9.]* times' out > got
   grep -o 'k = .*' out >> got
   check "a chain times $scale is judged as the chain itself" cmp wanted got

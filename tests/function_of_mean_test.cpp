@@ -1,16 +1,13 @@
 #include <debias/function_of_mean.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <complex>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <numbers>
-#include <span>
 #include <stdexcept>
-#include <tuple>
 #include <type_traits>
 #include <vector>
 
@@ -20,7 +17,6 @@
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/functions.hpp>
-#include <debias/pmf/geometric.hpp>
 #include <debias/survey.hpp>
 
 #include "catch_shim.hpp"
@@ -42,12 +38,6 @@ const auto wave = [](double x) { return 1 + std::sin(2 * std::numbers::pi * x); 
 struct DistanceToOne {
   double operator()(double m) const { return std::abs(m - 1); }
   double gap(double m, double d) const { return functions::Absolute{}.gap(m - 1, d); }
-};
-
-/// max(0, 1 - tau / 3), with its gap.
-struct LinearTransmittance {
-  double operator()(double m) const { return functions::PositivePart{}(1 - m / 3); }
-  double gap(double m, double d) const { return functions::PositivePart{}.gap(1 - m / 3, d / 3); }
 };
 
 /// g without its gap.
@@ -229,122 +219,6 @@ TEST_CASE("the laws reject one residue as base, one half as coarse, and a wrong 
   CHECK(sequence_laws(WrongSign<decltype(right)>{right}) != Failures{});
 }
 
-TEST_CASE("the shared base is far quieter than a base of its own on a comb", "[function_of_mean][statistical]") {
-  const auto s = function_of_integral(twice, functions::ExpMinus{});
-  std::vector<double> shared;
-  std::vector<double> alone;
-  for (std::uint64_t i = 0; i < 4096; ++i) {
-    Stream rng(82, i);
-    Stream other = rng.split(1);
-    shared.push_back(s.shared(4, 1, rng).base);
-    alone.push_back(s.value_at(1, other).value);
-  }
-  CHECK(Moments::of(shared).variance() < 0.05 * Moments::of(alone).variance());
-}
-
-// ---- exact statements
-
-TEST_CASE("the shared base is the average of g over the groups of a comb, both halves", "[function_of_mean][exact]") {
-  const auto s = function_of_integral(wave, functions::ExpMinus{}, {.from = 0.2, .to = 0.9});
-  for (std::int64_t level = 1; level <= 5; ++level) {
-    for (std::int64_t m = 0; m < level; ++m) {
-      Stream rng(83, 5);
-      Stream replay(rng);
-      Stream again(rng);
-      const double offset = replay.uniform();
-      const std::int64_t groups = std::int64_t{1} << (level - m);
-      const std::int64_t size = std::int64_t{1} << m;
-      const double step = 0.7 / static_cast<double>(groups * size);
-      double expected = 0;
-      for (std::int64_t r = 0; r < groups; ++r) {
-        double total = 0;
-        for (std::int64_t i = r; i < groups * size; i += groups) {
-          total += wave(0.2 + step * (static_cast<double>(i) + offset));
-        }
-        expected += std::exp(-0.7 * total / static_cast<double>(size)) / static_cast<double>(groups);
-      }
-      const auto draw = s.shared(level, m, rng);
-      CHECK(draw.base == Approx(expected).epsilon(1e-14));
-      CHECK(draw.work == static_cast<double>(groups * size));
-      CHECK(draw.difference == Approx(s(level, again).difference).epsilon(1e-10).margin(1e-25));
-    }
-  }
-}
-
-TEST_CASE("halves are the even and the odd draws of the stream", "[function_of_mean][exact]") {
-  const auto s = function_of_mean(uniform, plain(functions::Square{}));
-  Stream rng(84, 0);
-  Stream replay(rng);
-  std::array<double, 8> u{};
-  replay.fill(u);
-  const double even = (u[0] + u[2] + u[4] + u[6]) / 4;
-  const double odd = (u[1] + u[3] + u[5] + u[7]) / 4;
-  const auto draw = s(3, rng);
-  CHECK(draw.value == Approx((even + odd) * (even + odd) / 4).epsilon(1e-15));
-  CHECK(draw.difference == Approx(-(even - odd) * (even - odd) / 4).epsilon(1e-12));
-  CHECK(draw.work == 8);
-  CHECK(rng.bits() == replay.bits());  // 8 draws, no more
-}
-
-TEST_CASE("differences that are zero in theory are exactly zero", "[function_of_mean][exact]") {
-  const auto three = [](Stream& rng) { return rng.uniform() < 2 ? 3.1 : 0.0; };
-  const auto constant = [](double) { return 3.1; };
-  const auto functions_of_constants = std::make_tuple(
-      function_of_mean(three, functions::ExpMinus{}), function_of_mean(three, plain(functions::ExpMinus{})),
-      function_of_integral(constant, functions::Log{}, {.from = 0.1, .to = 0.8}),
-      function_of_integral(constant, plain(functions::Log{}), {.from = 0.1, .to = 0.8}),
-      function_of_integral(twice, LinearTransmittance{}));  // B17: g is linear where it is visited
-  std::apply(
-      [](const auto&... s) {
-        const auto check = [](const auto& one) {
-          for (std::int64_t k = 1; k <= 12; ++k) {
-            Stream rng(85, static_cast<std::uint64_t>(k));
-            CHECK(one(k, rng).difference == 0.0);
-            CHECK(one.shared(k, k / 2, rng).difference == 0.0);
-          }
-        };
-        (check(s), ...);
-      },
-      functions_of_constants);
-}
-
-TEST_CASE("above the band of a periodic medium a gap leaves nothing and a subtraction one ulp",
-          "[function_of_mean][exact]") {
-  // B04: the halves agree to their last digits, d = 1e-16. Measured largest |D|: 1.8e-31 by the gap, 5.6e-17
-  // (an ulp of e^-1) by subtraction; a PMF divides either by p_k.
-  const auto with_gap = function_of_integral(wave, functions::ExpMinus{});
-  const auto without = function_of_integral(wave, plain(functions::ExpMinus{}));
-  double largest_gap = 0;
-  double largest_subtraction = 0;
-  for (std::int64_t k = 2; k <= 10; ++k) {
-    for (std::uint64_t i = 0; i < 200; ++i) {
-      Stream one(86, i);
-      Stream two(86, i);
-      largest_gap = std::max(largest_gap, std::abs(with_gap(k, one).difference));
-      largest_subtraction = std::max(largest_subtraction, std::abs(without(k, two).difference));
-    }
-  }
-  CAPTURE(largest_gap, largest_subtraction);
-  CHECK(largest_gap < 1e-28);
-  CHECK(largest_subtraction > 1e-17);
-  CHECK(largest_subtraction < 5e-16);
-}
-
-TEST_CASE("a result says where differences are rounding, and only there", "[function_of_mean][statistical]") {
-  const Plan plan{.samples = 1 << 14};
-  const Geometric pmf(0.65);
-  const auto bound = [&](const auto& g) {
-    return estimate(single_term(function_of_integral(wave, g), pmf), plan).bias_bound;
-  };
-  CHECK(bound(functions::ExpMinus{}).size == 0);
-  const BiasBound rounding = bound(plain(functions::ExpMinus{}));
-  CHECK(rounding.size > 1e-17);
-  CHECK(rounding.size < 1e-15);
-  CHECK(rounding.sentence.find("from level 2 on") == 0);
-  const auto linear = function_of_integral(twice, plain(functions::ExpMinus{}));
-  CHECK(estimate(single_term(linear, Geometric(0.75)), {.samples = 64}).bias_bound.size == 0);  // levels 1 ... 4
-}
-
 TEST_CASE("the base level above a pole is the least whose halves have the moments", "[function_of_mean][exact]") {
   CHECK(base_level_for_pole(1) == 3);
   CHECK(base_level_for_pole(1, 2) == 2);
@@ -505,130 +379,7 @@ TEST_CASE("what is no random variable or no function of its mean does not fit", 
   SUCCEED();
 }
 
-// ---- jittered points, batches, combs as random variables, several means
-
-TEST_CASE("jittered points keep the laws of a sequence, shared bases included, and beat the comb by two powers",
-          "[function_of_mean][law]") {
-  const auto bent = [](double x) { return std::exp(1.5 * x); };
-  CHECK(sequence_laws(function_of_jittered_integral(bent, functions::ExpMinus{}, {.to = 0.7}),
-                      {.last = 7, .samples = 8192}) == Failures{});
-  CHECK(sequence_laws(function_of_jittered_integral(bent, functions::Davis{0.8}, {.from = -1}),
-                      {.last = 9, .rates_from = 4}) == Failures{});
-  const auto step = [](double x) { return x < 1.0 / 3 ? 4.0 : 0.5; };
-  CHECK(sequence_laws(function_of_jittered_integral(step, functions::ExpMinus{}, {.rates = {4, 1}}),
-                      {.last = 7, .samples = 8192, .variance_tolerance = 0.4}) == Failures{});
-
-  // Power check: the halves of plain jittered points, even and odd parts, are not jittered points of the
-  // level below.
-  struct PlainJitter {
-    Draw<double> operator()(std::int64_t level, Stream& rng) const {
-      double even = 0;
-      double odd = 0;
-      const std::int64_t count = doubled_draws(level);
-      for (std::int64_t i = 0; i < count; ++i) {
-        ((i & 1) == 0 ? even : odd) += 3 * (static_cast<double>(i) + rng.uniform()) / static_cast<double>(count);
-      }
-      const double n = static_cast<double>(count);
-      const double fine = std::exp(-(even + odd) / n);
-      if (level == 0) return base(fine, n);
-      return coupled(fine, 0.5 * (std::exp(-2 * even / n) + std::exp(-2 * odd / n)), n);
-    }
-  };
-  CHECK(sequence_laws(PlainJitter{}) != Failures{});
-}
-
-TEST_CASE("each group of jittered points has one point in each part of its own level", "[function_of_mean][exact]") {
-  for (std::uint64_t i = 0; i < 20; ++i) {
-    for (const std::int64_t group_level : {0, 1, 3}) {
-      Stream rng(90, i);
-      const std::int64_t level = 5;
-      detail::JitteredPositions positions(level, group_level, rng);
-      std::vector<int> seen(32, 0);
-      std::vector<int> even(16, 0);
-      for (std::int64_t group = 0; group < (1 << (level - group_level)); ++group) {
-        std::vector<int> in_group(std::size_t{1} << group_level, 0);
-        auto at = positions.next_group();
-        for (std::int64_t k = 0; k < (1 << group_level); ++k) {
-          const double x = at() / 32;
-          ++seen[static_cast<std::size_t>(x * 32)];
-          if (group % 2 == 0) ++even[static_cast<std::size_t>(x * 16)];
-          ++in_group[static_cast<std::size_t>(x * static_cast<double>(in_group.size()))];
-        }
-        CHECK(std::count(in_group.begin(), in_group.end(), 1) == 1 << group_level);
-      }
-      CHECK(std::count(seen.begin(), seen.end(), 1) == 32);
-      CHECK(std::count(even.begin(), even.end(), 1) == 16);
-    }
-  }
-}
-
-namespace {
-
-/// exp(u), one draw at a time or in batches of Eigen arrays.
-struct BatchedExp {
-  double operator()(Stream& rng) const { return std::exp(rng.uniform()); }
-  void draws(Stream& rng, std::span<double> out) const {
-    rng.fill(out);
-    Eigen::Map<Eigen::ArrayXd> x(out.data(), static_cast<Eigen::Index>(out.size()));
-    x = x.exp();
-  }
-};
-struct BatchedIntegral {
-  double operator()(double x) const { return std::exp(-x); }
-  void operator()(std::span<const double> at, std::span<double> out) const {
-    const Eigen::Map<const Eigen::ArrayXd> x(at.data(), static_cast<Eigen::Index>(at.size()));
-    Eigen::Map<Eigen::ArrayXd>(out.data(), static_cast<Eigen::Index>(out.size())) = (-x).exp();
-  }
-};
-static_assert(BatchedVariable<BatchedExp> && BatchedIntegrand<BatchedIntegral>);
-
-template <class Batched, class Scalar>
-void check_batches(const Batched& batched, const Scalar& scalar) {
-  for (const std::int64_t level : {0, 1, 2, 5, 8, 9, 11}) {
-    Stream one(91, static_cast<std::uint64_t>(level));
-    Stream two(one);
-    const auto a = batched(level, one);
-    const auto b = scalar(level, two);
-    CHECK(a.value == Approx(b.value).epsilon(1e-14));
-    CHECK(a.difference == Approx(b.difference).epsilon(1e-6).margin(1e-15));
-    CHECK(a.work == b.work);
-    CHECK(one.bits() == two.bits());  // the very same random numbers, and no more
-    if (level < 2) continue;
-    const auto c = batched.shared(level, 1, one);
-    const auto d = scalar.shared(level, 1, two);
-    CHECK(c.base == Approx(d.base).epsilon(1e-14));
-    CHECK(one.bits() == two.bits());
-  }
-}
-
-}  // namespace
-
-TEST_CASE("a batch hook uses the same random numbers bit for bit and gives values equal to rounding",
-          "[function_of_mean][exact]") {
-  const BatchedExp x;
-  const BatchedIntegral f;
-  const auto plain_x = [x](Stream& rng) { return x(rng); };
-  const auto plain_f = [f](double at) { return f(at); };
-  check_batches(function_of_mean(x, functions::Log{}), function_of_mean(plain_x, functions::Log{}));
-  check_batches(function_of_integral(f, functions::Log{}), function_of_integral(plain_f, functions::Log{}));
-  check_batches(function_of_jittered_integral(f, functions::Log{}),
-                function_of_jittered_integral(plain_f, functions::Log{}));
-  CHECK(sequence_laws(function_of_mean(x, functions::Log{})) == Failures{});
-}
-
-TEST_CASE("a comb is a random variable whose draws are those of a level", "[function_of_mean][exact]") {
-  const auto level_three = function_of_integral(twice, [](double m) { return m; }, {.to = 3});
-  const auto eight = comb_mean(twice, 8, 0, 3);
-  CHECK(eight.work == 8);
-  for (std::uint64_t i = 0; i < 10; ++i) {
-    Stream one(92, i);
-    Stream two(one);
-    CHECK(eight(one) == Approx(level_three.value_at(3, two).value).epsilon(1e-14));
-    CHECK(one.bits() == two.bits());
-  }
-  CHECK_THROWS_AS(comb_mean(twice, 0), std::invalid_argument);
-  CHECK_THROWS_AS(comb_mean(twice, 4, 0, std::nan("")), std::invalid_argument);
-}
+// ---- several means
 
 TEST_CASE("ratios, self-normalised weights and log-sum-exp of several means keep the laws of a sequence",
           "[function_of_mean][law]") {

@@ -5,7 +5,7 @@
 
 # run PROBLEM BLOCK: the result without what depends on the clock.
 run() {
-  "$debias" run "$1" --block "$2" --samples 4096 --json -o result.json -q && sed -E '/"(seconds|efficiency|pilot_seconds)"/d' result.json
+  "$debias" run "$1" --block "$2" --samples $((4096 * $2)) --json -o result.json -q && sed -E '/"(seconds|efficiency|pilot_seconds)"/d' result.json
 }
 for problem in A03 A10 B01 B14 C09 D01 E02 E04 F02 H01; do
   for block in 1 64; do

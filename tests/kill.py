@@ -23,10 +23,10 @@ rng = random.Random(seed)
 for name in ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "OMPI_MCA_rmaps_base_oversubscribe"):
     os.environ.setdefault(name, "1")
 cases = [  # and about as many samples as one thread draws in a second
-    ("A03", 13e6), ("E02 --block 64", 8e4), ("D01 --estimator roulette", 25e6), ("B02 --block 256", 8e4),
+    ("A03", 13e6), ("E02 --block 64", 5e6), ("D01 --estimator roulette", 25e6), ("B02 --block 256", 20e6),
     ("C01 --estimator independent_sum", 16e6), ("F01", 5.5e6), ("A10 --estimator single_term_outcome", 13e6),
     ("E03", 2.5e6), ("H01", 11e6), ("D11", 11e6), ("B12 --estimator independent_sum", 14e6), ("E10", 1.3e6),
-    ("E02 --pmf auto", 24e6)]
+    ("E02 --estimator recipe", 24e6)]
 
 def start(words):
     out = tempfile.TemporaryFile()

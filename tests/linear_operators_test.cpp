@@ -28,8 +28,8 @@ using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
-using ::pmfs::Failures;
-using ::pmfs::sequence_laws;
+using ::laws::Failures;
+using ::laws::sequence_laws;
 using Sparse = Eigen::SparseMatrix<double>;
 
 namespace {

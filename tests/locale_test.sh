@@ -70,7 +70,7 @@ compared list problems --json
 compared run A01 --samples 20000
 compared run A01 --samples 20000 --json
 compared run A10 --samples 1234567 --threads 2
-compared run A01 --pmf auto --samples 20000
+compared run A01 --estimator recipe --samples 20000
 compared run A01 --samples 20000 --error 0.5
 compared run A01 --error 0.01
 compared run A01 --estimator multilevel --error 0.01

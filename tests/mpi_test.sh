@@ -19,9 +19,9 @@ done
 # ---- the program
 check "a run on 2 ranks, 3 threads on each" same "$(answer on 2 run A03 --samples 1e5 --threads 3)" \
   "$(answer "$debias" run A03 --samples 1e5)"
-check "a recipe on 3 ranks" same "$(answer on 3 run A03 --pmf auto --error 1e-3)" \
-  "$(answer "$debias" run A03 --pmf auto --error 1e-3)"
-on 2 run E02 --pmf auto --samples 1e6 --checkpoint recipe > /dev/null 2>&1
+check "a recipe on 3 ranks" same "$(answer on 3 run A03 --estimator recipe --error 1e-3)" \
+  "$(answer "$debias" run A03 --estimator recipe --error 1e-3)"
+on 2 run E02 --estimator recipe --samples 1e6 --checkpoint recipe > /dev/null 2>&1
 cp recipe alone
 check "and it can grow" same "$(answer on 3 resume recipe --samples 5e3)" "$(answer "$debias" resume alone --samples 5e3)"
 on 2 run E02 --estimator multilevel --error 1 --checkpoint m > m.err 2>&1

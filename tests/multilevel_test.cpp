@@ -73,6 +73,10 @@ TEST_CASE("multilevel is the same for any threads and says when its levels are n
   std::ostringstream text;
   text << cut;
   CHECK(text.str().find("NOT met") != text.str().npos);
+  CHECK(text.str().find("Var D") == text.str().npos);
+  text.str("");
+  text << full(cut);
+  CHECK(text.str().find("Var D") != text.str().npos);
 }
 
 TEST_CASE("multilevel refuses impossible errors and options", "[multilevel][exact]") {

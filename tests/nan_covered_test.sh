@@ -9,14 +9,16 @@ no_callable='
  values:      as_scalar component component_count difference epsilon_of has_nan is_finite lopsided nan_like scaled
               set_component sum zero_like
  streams:     fill instructions normal_quantile normal_quantiles search_tails split split_level exp expm1 log log1p sin
+ nets:        net_bits net_bits_of_pair net_uniforms point_key
  numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws geometric_terms
               poisson_quantile polynomial_terms power_law
- PMFs, rates: best_masses best_tails convergence_rate default_exponent finite_exponents inverse_weight
+ PMFs, rates: best_masses best_tails convergence_rate default_exponent dyadic_exponent finite_exponents inverse_weight
               inverse_weight_error invert_tail judge pmf_exists rates_of rates_of_sum refuse_uniform
               tail_exponent_for
  results:     batch_interval bound_of survey_of fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
  statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges interval_with log2_work row_of together weigh
+ files:       read_run save_run
  what hands an estimator or a sequence on as it is:
               deepest_level_of named with_deepest_level
  what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:

@@ -3,6 +3,7 @@
 #include <complex>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -109,9 +110,20 @@ TEST_CASE("a sequence that declares nothing is estimated without bias in three l
   CHECK(result.advice.survey.pmf_exists == Answer::yes);
   std::ostringstream text;
   text << result;
-  for (const char* word : {"mean", "recipe", "times the bound", "pilot"}) {
+  for (const char* word : {"mean", "by the pilot", "verdict"}) CHECK(text.str().find(word) != text.str().npos);
+  for (const char* word : {"recipe", "times the bound", "kurtosis"}) CHECK(text.str().find(word) == text.str().npos);
+  text.str("");
+  text << full(result);
+  for (const char* word : {"mean", "recipe", "times the bound", "pilot", "kurtosis", "levels"}) {
     CHECK(text.str().find(word) != text.str().npos);
   }
+  // The advice alone: a line each for the answer, the PMF, the base, what it costs, the pilot.
+  text.str("");
+  text << result.advice;
+  CHECK(text.str().find("pmf           " + result.advice.pmf.spec()) != text.str().npos);
+  CHECK(text.str().find("times the bound") == text.str().npos);
+  text << full(result.advice);
+  CHECK(text.str().find("times the bound") != text.str().npos);
 }
 
 TEST_CASE("a recipe is unbiased and its error honest over many seeds", "[recipe][statistical]") {
@@ -138,7 +150,7 @@ TEST_CASE("a run by recipe is the run of the estimator that its advice names", "
   const std::string spec = advice.pmf.spec();
   advice.pmf = AnyPmf::parse(spec);
   CHECK(advice.pmf.spec() == spec);
-  const auto again = estimate(estimator_of(sequence, advice), {.samples = advice.members / advice.block, .seed = 11});
+  const auto again = estimate(estimator_of(sequence, advice), {.samples = advice.members, .seed = 11});
   CHECK(again.mean == result.mean);
   CHECK(again.standard_error == result.standard_error);
   const LargeSample& largest = result.largest.front();
@@ -158,9 +170,44 @@ TEST_CASE("where no PMF has finite variance and finite work a recipe says so and
   const Advice half = advise(level_runs(Pure{0.5}), {.samples = 1 << 17});
   CHECK_FALSE(half.usable());
   REQUIRE(half.sentences.size() == 3);
+  CHECK_THAT(half.sentences[1], Catch::Contains("variance is infinite"));
   // Stable index 2 gamma / (2 gamma - beta) = 4/3, errors like work^-(beta / (2 gamma)) = work^-0.25.
   CHECK_THAT(half.sentences[1], Catch::Contains("stable index 1.3") && Catch::Contains("work^-0.2"));
   CHECK(half.exponent.exponent > half.survey.rates.work_growth.value);
+}
+
+TEST_CASE("a recipe without a PMF throws a NoPmfError with the measured rates, and a typing error does not",
+          "[recipe][exact]") {
+  const auto refused = [](const auto& sequence, const RecipeOptions& options = {}) -> std::optional<NoPmfError> {
+    try {
+      estimate(recipe(sequence, options), {.samples = 1 << 17});
+    } catch (const NoPmfError& e) {
+      return e;
+    } catch (const std::invalid_argument&) {
+    }
+    return std::nullopt;
+  };
+  const std::optional<NoPmfError> slow = refused(Pure{0.3});
+  REQUIRE(slow);
+  CHECK(std::abs(slow->variance_decay().value - 0.3) < 0.2);
+  CHECK(slow->variance_decay().error > 0);
+  CHECK(slow->work_growth().value == Approx(1).margin(0.01));
+  CHECK(slow->decay() == Decay::geometric);
+  CHECK(slow->grade() != NoPmfError::Grade::declared);
+  CHECK_THAT(slow->reason(), Catch::Contains("E D_k^2 falls like 2^("));
+  CHECK_THAT(slow->help(), Catch::Contains("multilevel"));
+  CHECK_THAT(slow->what(), Catch::StartsWith("recipe: no PMF has finite variance and finite work ("));
+  // Differences that do not fall, and such as grow: no fall is claimed, and not even a mean.
+  for (const double rate : {0.0, -0.5}) {
+    const Advice none = advise(level_runs(Pure{rate}), {.samples = 1 << 17});
+    REQUIRE_FALSE(none.usable());
+    CHECK_THAT(none.sentences[0], !Catch::Contains("falls like"));
+    CHECK_THAT(none.sentences[0], Catch::Contains(rate < 0 ? "E D_k^2 grows like 2^(0." : "E D_k^2 does not fall"));
+    CHECK_THAT(none.sentences[1], Catch::Contains("even the mean") && !Catch::Contains("work^-"));
+    CHECK(refused(Pure{rate}));
+  }
+  CHECK_FALSE(refused(SquaredMean{}, {.base_level = -1}));
+  CHECK_FALSE(refused(SquaredMean{}, {.budget = -1.0}));
 }
 
 TEST_CASE("the moments that a survey measured give A10 its known products", "[recipe][statistical]") {
@@ -260,7 +307,7 @@ TEST_CASE("a recipe takes values with several components", "[recipe][statistical
   CHECK(std::abs(r.mean.real() - 1.5) < 4.5 * r.components[0].standard_error);
   CHECK(std::abs(r.mean.imag() - 0.75) < 4.5 * r.components[1].standard_error);
   CHECK_FALSE(std::any_of(r.advice.survey.remarks.begin(), r.advice.survey.remarks.end(),
-                          [](const std::string& s) { return s.find("biased") != s.npos; }));
+                          [](const Warning& w) { return w.code == WarningCode::coupling; }));
 }
 
 TEST_CASE("a recipe refuses a base level that its pilot does not reach", "[recipe][exact]") {
@@ -316,7 +363,7 @@ TEST_CASE(
       if (r.level > 0) masses.push_back(std::max(1e-12, std::sqrt(r.second_moment / r.difference_work)));
     }
     const auto e = stratified(single_term(Rare{}, Tabulated(masses, 0.4)), 256);
-    plain = std::max(plain, std::abs(z_of(estimate(e, {.samples = plan.samples / 256, .seed = seed}), Rare::truth())));
+    plain = std::max(plain, std::abs(z_of(estimate(e, {.samples = plan.samples, .seed = seed}), Rare::truth())));
     careful = std::max(careful, std::abs(z_of(estimate(recipe(Rare{}), plan), Rare::truth())));
   }
   CAPTURE(plain, careful);
@@ -375,7 +422,8 @@ TEST_CASE("a recipe keeps the samples of its run, none of its pilot", "[recipe][
   };
   const auto run = estimate(recipe(Chosen{3}), plan);
   CHECK(saves == 1);
-  CHECK(held.total().moments.count == run.samples);
+  CHECK(held.total().moments.count == run.blocks);
+  CHECK(held.last() == run.samples);
   plan.earlier = std::make_shared<RunState>(held);
   CHECK(estimate(recipe(Chosen{3}), plan).mean == run.mean);
   plan.earlier = {};
@@ -399,7 +447,7 @@ TEST_CASE("no goal ends a recipe with a handful of samples", "[recipe][stat]") {
       const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
       const Statistics s = run_by(advice, p, plan);
       CAPTURE(id, error, seed, s.samples, s.components[0].mean - p.truth, s.components[0].standard_error);
-      CHECK(s.samples >= 64);
+      CHECK(s.blocks >= 64);
       CHECK(std::abs(s.components[0].mean - p.truth) < 4.5 * error);
     }
   }

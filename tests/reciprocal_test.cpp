@@ -22,8 +22,8 @@
 
 using namespace debias;
 using debias::laws::estimator_laws;
-using ::pmfs::Failures;
-using ::pmfs::sequence_laws;
+using ::laws::Failures;
+using ::laws::sequence_laws;
 
 namespace {
 
@@ -200,7 +200,7 @@ TEST_CASE("trials on events of probability p have mean 1/p, variance (1-p)/p^2 a
   CHECK(z_of_variance(reciprocal_trials(bounded, 1.5), (1 - 2.0 / 3) / (4.0 / 9) / 2.25) < 4.5);
 }
 
-TEST_CASE("roulette on the running weight of the series is trials, in PMF: equal variance and work",
+TEST_CASE("roulette on the running weight of the series is trials, in law: equal variance and work",
           "[reciprocal][statistical]") {
   const auto series = roulette(reciprocal_series(bounded, 1.5), RunningWeight(1 / 1.5));
   CHECK(z_of_variance(series, (1 - 2.0 / 3) / (4.0 / 9) / 2.25) < 4.5);

@@ -22,7 +22,7 @@ namespace {
 
 bool remarks_on(const Survey& s, const std::string& what) {
   return std::any_of(s.remarks.begin(), s.remarks.end(),
-                     [&](const std::string& r) { return r.find(what) != std::string::npos; });
+                     [&](const Warning& r) { return r.text.find(what) != std::string::npos; });
 }
 
 /// Scale 2^(-rate k / 2) times a normal number: every moment is known, the kurtosis is 3.
@@ -79,6 +79,30 @@ constexpr double family_z = 5.5;
 
 }  // namespace
 
+TEST_CASE("the tails of a survey are those of the differences, in any unit", "[survey][exact]") {
+  // D_k is uniform on (0, 2^-k), zero in two of three draws; I_k is far larger.
+  const auto in_unit = [](double unit) {
+    return survey(
+        [unit](std::int64_t level, Stream& rng) -> Draw<double> {
+          const double u = rng.uniform();
+          const double value = 1000 * rng.uniform() * unit;
+          if (level == 0) return base(value);
+          const double d = u < 2.0 / 3 ? 0 : (3 * u - 2) * std::exp2(static_cast<double>(-level)) * unit;
+          return {value, d, 1.0};
+        },
+        6, {.samples = 4096});
+  };
+  const Survey plain = in_unit(1);
+  const Survey tiny = in_unit(0x1p-400);
+  for (std::size_t k = 1; k < plain.rows.size(); ++k) {
+    CAPTURE(k);
+    CHECK(plain.rows[k].tail_index < -0.5);  // a uniform law: -1
+    CHECK(tiny.rows[k].tail_index == Approx(plain.rows[k].tail_index));
+    CHECK(tiny.rows[k].kurtosis == Approx(plain.rows[k].kurtosis));
+  }
+  CHECK(tiny.pmf_exists == plain.pmf_exists);
+}
+
 TEST_CASE("the table of A10 agrees with its closed-form moments at every level", "[survey][statistical]") {
   const Survey s = survey(SquaredMean{}, 9, {.samples = 1 << 14, .seed = 3});
   REQUIRE(s.rows.size() == 9);
@@ -109,6 +133,8 @@ TEST_CASE("the consistency check finds a coupling whose coarse partner is not th
   CHECK_FALSE(remarks_on(survey(SquaredMean{}, 8, plan), "every estimate from it is biased"));
   const Survey wrong = survey(WrongCoupling{}, 8, plan);
   CHECK(remarks_on(wrong, "every estimate from it is biased"));
+  CHECK(std::any_of(wrong.remarks.begin(), wrong.remarks.end(),
+                    [](const Warning& w) { return w.code == WarningCode::coupling; }));
   CHECK(std::abs(wrong.rows[1].consistency) > 4.5);
 }
 
@@ -212,11 +238,13 @@ TEST_CASE("members of a level that run together leave what does not depend on th
   // And that is the variance of a block: 64 members of level 0 and nothing else.
   const catalog::Problem& p = catalog::find("european-call");
   const auto variance_of = [&](std::int64_t block) {
-    return p.run({catalog::Method::single_term_outcome, AnyPmf(Tabulated({1}, 1e-12)), 0, "", block}, {.samples = 4096})
+    return p
+        .run({catalog::Method::single_term_outcome, AnyPmf(Tabulated({1}, 1e-12)), 0, "", block},
+             {.samples = 4096 * block})
         .components[0]
         .variance;
   };
-  const double left = 64 * variance_of(64) / variance_of(1);
+  const double left = variance_of(64) / variance_of(1);
   CHECK(left == Approx(first.base_left[6]).epsilon(0.2));
 }
 
@@ -233,8 +261,14 @@ TEST_CASE("a survey that is interrupted keeps its complete levels and says so", 
 }
 
 TEST_CASE("a survey prints its table, rates and answer", "[survey][exact]") {
+  const Survey s = survey(SquaredMean{}, 6, {.samples = 2048});
   std::ostringstream text;
-  text << survey(SquaredMean{}, 6, {.samples = 2048});
+  text << s;
+  for (const char* word : {"exists: yes", "E D_k^2 falls like 2^(-", "work grows like 2^(1 k)"})
+    CHECK(text.str().find(word) != text.str().npos);
+  for (const char* word : {"kurtosis", "rates (levels *"}) CHECK(text.str().find(word) == text.str().npos);
+  text.str("");
+  text << full(s);
   for (const char* word : {"kurtosis", "rates (levels *", "exists: yes"})
     CHECK(text.str().find(word) != text.str().npos);
 }

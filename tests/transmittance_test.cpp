@@ -188,7 +188,7 @@ TEST_CASE("ratio tracking has the variance of its formula, a majorant too low le
   }
 }
 
-TEST_CASE("the gamma of a mixture has the moments of its PMF", "[transmittance][statistical]") {
+TEST_CASE("the gamma of a mixture has the moments of its law", "[transmittance][statistical]") {
   for (const double c : {0.3, 1.0, 2.0}) {
     CAPTURE(c);
     for (const double s : {0.5, 2.0}) {  // E exp(-s M) = (1 + c^2 s)^(-1 / c^2)

@@ -3,18 +3,25 @@
 // All of debias. Each header below can be included alone.
 
 #include <debias/core/accumulator.hpp>
+#include <debias/core/checkpoint.hpp>
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/no_pmf.hpp>
+#include <debias/core/plan.hpp>
 #include <debias/core/pmf.hpp>
 #include <debias/core/points.hpp>
+#include <debias/core/ranks.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/report.hpp>
 #include <debias/core/result.hpp>
+#include <debias/core/run_state.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
 #include <debias/core/vector_math.hpp>
+#include <debias/core/warning.hpp>
 #include <debias/derivative.hpp>
 #include <debias/derivative/partial.hpp>
 #include <debias/diagnostics.hpp>
@@ -32,13 +39,12 @@
 #include <debias/pmf/any.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
 #include <debias/pmf/dyadic.hpp>
-#include <debias/pmf/fitted.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/pmf/tabulated.hpp>
 #include <debias/pmf/zeta.hpp>
-#include <debias/power_series.hpp>
 #include <debias/recipe.hpp>
+#include <debias/recipe/optimal_pmf.hpp>
 #include <debias/reciprocal.hpp>
 #include <debias/sde.hpp>
 #include <debias/series.hpp>

@@ -13,25 +13,22 @@
 // cores that the rank has. It fails as MPI does, by ending the job, where a rank dies: save, and go on from
 // there with Plan::earlier.
 
-#include <memory>
-#include <utility>
-
 #include <mpi.h>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/ranks.hpp>
 
 namespace debias::mpi {
 
 /// The ranks of a copy of `comm`, for Plan::ranks: whatever runs that plan runs on all of them. Collective.
 /// Throws std::invalid_argument where MPI is not running, or not with the threads that it takes.
-std::shared_ptr<debias::detail::Ranks> ranks_of(MPI_Comm comm);
+Ranks ranks_of(MPI_Comm comm);
 
 /// As debias::estimate, of an estimator or a recipe. Throws std::invalid_argument, too, where ranks differ in
 /// their plans.
 template <class E>
 auto estimate(MPI_Comm comm, const E& estimator, Plan plan = {}) {
-  const auto ranks = ranks_of(comm);
-  plan.ranks = ranks.get();
+  plan.ranks = ranks_of(comm);
   using debias::estimate;  // unqualified: whatever is included later, a recipe's say, is found through the plan
   return estimate(estimator, plan);
 }

@@ -54,7 +54,7 @@ struct MultilevelStatistics {
   double pilot_work = 0;  ///< of `work`, the pilots, which the draws of the run are planned from; no part of the mean
   double pilot_seconds = 0;  ///< of `seconds`
   std::uint64_t seed = 0;
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
   std::vector<MultilevelRow> rows;
 
   /// Root of variance and squared bias together; its norm, for several components.
@@ -63,7 +63,9 @@ struct MultilevelStatistics {
   [[nodiscard]] bool goal_met() const { return converged && error() <= goal; }
 };
 
+/// Mean, bias, goal, work, seconds and warnings; the levels, too, by `full` (core/report.hpp).
 std::ostream& operator<<(std::ostream& out, const MultilevelStatistics& statistics);
+void print_full(std::ostream& out, const MultilevelStatistics& statistics);
 
 /// A root mean square error of `error`, by draws from the pilot streams of plan.seed; plan.samples is not used.
 /// Throws std::invalid_argument unless error and options are positive, or for draws that are not finite, and what the

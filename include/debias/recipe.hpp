@@ -7,7 +7,7 @@
 //   pilot -> posterior of the moments of the levels -> base level, base form, PMF, strata -> run
 //   variance x work >= (sum_k sqrt(Var D_k work_k))^2, k from the base level on, D_m read as I_m   [bound]
 //
-//   Notation: m = base level, p = PMF, members = samples of the single-term estimator; a block of them is one sample.
+//   Notation: m = base level, p = PMF, members = samples of the single-term estimator, in blocks.
 // The pilot draws from streams of its own, so the run knows nothing of it. It draws levels with equal work each, 2^14
 // draws of the base in all at first, then four times as much, and stops at a yes: shown, or likely after a tenth of the
 // run's work. While the answer is open it goes on to the run's own work and no further, and the run goes on: the pilot's
@@ -24,6 +24,7 @@
 #include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/no_pmf.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/single_term.hpp>
@@ -64,13 +65,16 @@ struct Advice {
   /// (core/reach.hpp); 1 where the best one does.
   double price = 1;
   std::int64_t deepest_level = deepest_of_all;  ///< that the sequence can draw
-  std::vector<std::string> sentences;
+  std::vector<std::string> sentences;           ///< what was chosen, and why: the first says whether a PMF exists
+  std::vector<Warning> warnings;  ///< doubts: a wrong coupling, a deepest level, a time that work does not explain
 
   /// False where a no is shown or likely; an open answer runs, with an honest interval.
   [[nodiscard]] bool usable() const;
 };
 
+/// Whether a PMF exists, which was chosen, what it costs, and doubts; all sentences by `full` (core/report.hpp).
 std::ostream& operator<<(std::ostream& out, const Advice& advice);
+void print_full(std::ostream& out, const Advice& advice);
 
 /// Runs the pilot and chooses. The plan's samples are members; a goal of the plan chooses them.
 Advice advise(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options = {});
@@ -92,6 +96,11 @@ Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
   return {std::move(sequence), options};
 }
 
+namespace detail {
+/// The warnings of an advice that its result has not.
+void print_doubts(std::ostream& out, const Advice& advice, const Statistics& result);
+}  // namespace detail
+
 /// A result with the advice that it followed.
 template <Value V>
 struct RecipeResult : Result<V> {
@@ -100,10 +109,17 @@ struct RecipeResult : Result<V> {
 
 template <Value V>
 std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
-  return out << static_cast<const Statistics&>(result) << result.advice;
+  out << static_cast<const Statistics&>(result);
+  detail::print_doubts(out, result.advice, result);
+  return out;
+}
+template <Value V>
+void print_full(std::ostream& out, const RecipeResult<V>& result) {
+  print_full(out, static_cast<const Statistics&>(result));
+  print_full(out, result.advice);
 }
 
-/// The estimator that an advice names; `trace` replays a block of it.
+/// The estimator that an advice names; `trace` replays the block of a sample.
 template <BiasedSequence S>
 auto estimator_of(const S& sequence, const Advice& advice) {
   return debias::stratified(
@@ -111,16 +127,17 @@ auto estimator_of(const S& sequence, const Advice& advice) {
 }
 
 namespace detail {
-/// The plan of the run in blocks, with the pilot that it took. Throws std::invalid_argument where no PMF has finite variance and finite work.
+/// The plan of the run, with the pilot that it took. Throws NoPmfError where no PMF has finite variance and finite
+/// work.
 Plan plan_of(const Plan& plan, const Advice& advice);
 /// Goal of the whole, and its doubts as warnings, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 }  // namespace detail
 
-/// Pilot, choice and run. Plan::samples counts members, rounded up to whole blocks; a sample of the result is a block.
+/// Pilot, choice and run. Plan::samples is rounded up to whole blocks.
 /// The pilot counts in the work and the seconds of the result.
-/// Throws std::invalid_argument, with the reasons, where no PMF is shown or likely to have finite variance and finite
-/// work, UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
+/// Throws NoPmfError, with the reasons, where it is shown or likely that no PMF has finite variance and finite work,
+/// UndrawableError where none of them can be drawn so often, and what the sequence throws (SampleError).
 template <BiasedSequence S>
 RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& plan = {}) {
   Advice advice = debias::advise(debias::level_runs(recipe.sequence), plan, recipe.options);

@@ -15,7 +15,6 @@
 
 #include <cstdint>
 #include <iosfwd>
-#include <string>
 #include <vector>
 
 #include <debias/core/estimate.hpp>
@@ -61,9 +60,9 @@ struct Survey {
   std::vector<SurveyRow> rows;
   MeasuredRates rates;
   Answer pmf_exists = Answer::open;
-  Grade grade = Grade::open;         ///< of the answer
-  Evidence evidence;                 ///< that it is drawn from
-  std::vector<std::string> remarks;  ///< in words: pre-asymptotic levels, exact zeros, a coupling that is wrong
+  Grade grade = Grade::open;     ///< of the answer
+  Evidence evidence;             ///< that it is drawn from
+  std::vector<Warning> remarks;  ///< pre-asymptotic levels, exact zeros, a coupling that is wrong
   std::uint64_t seed = 0;
   double work = 0;     ///< of all draws
   double seconds = 0;  ///< of all draws
@@ -72,8 +71,10 @@ struct Survey {
   [[nodiscard]] const SurveyRow* row_at(std::int64_t level) const;
 };
 
-/// The table, the rates and the remarks, as text.
+/// The levels, the answer and its doubts.
 std::ostream& operator<<(std::ostream& out, const Survey& survey);
+/// Also the moments of the levels, the fitted rates and all remarks: std::cout << full(survey).
+void print_full(std::ostream& out, const Survey& survey);
 
 /// One row; its consistency is left at 0.
 SurveyRow survey_level(const LevelRuns& runs, std::int64_t level, const Plan& plan);

@@ -27,7 +27,7 @@ debias.plot.speed_against_error({
     "multilevel, its bias included": [(r.work, np.hypot(r.standard_error, r["bias"])) for r in mlmc],
     "single term, r = 0.65 by hand": [debias.estimate("european-call", pmf="geometric:r=0.65", error=e)
                                       for e in errors],
-    "recipe": [debias.estimate("european-call", pmf="auto", error=e) for e in errors],
+    "recipe": [debias.estimate("european-call", estimator="recipe", error=e) for e in errors],
 }, time="work", title="european-call: error against work", ax=ax)
 save("speed_against_error", figure)
 

@@ -2,6 +2,8 @@
 
 // From a sequence to a Problem: the estimators that apply to it, erased to one call a run.
 
+#include <cstdint>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -44,9 +46,31 @@ LevelSums pilot(const S& sequence, std::int64_t level, std::int64_t draws, std::
   return sums;
 }
 
+/// A run or a trace. Both are asked for in one call: the estimators of a problem are made in one place, once.
+struct Task {
+  const Plan* plan = nullptr;  ///< of a run; null for a trace
+  std::uint64_t seed = 0;
+  std::int64_t index = 0;
+  Statistics statistics = {};
+  Trace<double> trace = {};
+};
+
+template <Estimator E>
+void carry_out(const E& e, Task& task) {
+  if (task.plan != nullptr) {
+    task.statistics = estimate(e, *task.plan);
+  } else {
+    task.trace = debias::trace(e, task.seed, task.index);
+  }
+}
+
+/// In catalog.cpp, once for all problems: `run` and `trace` of a problem, and one more method of it.
+void set_runs(Problem& p, std::function<void(const Choice&, Task&)> work);
+void add_special(Problem& p, Special special, std::function<void(Task&)> work);
+
 // Calls `use` with the estimator that a choice names. `terms` is the same sequence as a series, or void.
 template <class Terms, BiasedSequence S, class Use>
-auto with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
+void with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
   switch (c.method) {
     case Method::single_term:
     case Method::single_term_outcome: {
@@ -83,12 +107,9 @@ Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& ra
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum};
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
   p.methods.push_back(Method::truncated);
-  p.run = [sequence, terms](const Choice& choice, const Plan& plan) -> Statistics {
-    return with_estimator(sequence, terms, choice, [&](const auto& e) -> Statistics { return estimate(e, plan); });
-  };
-  p.trace = [sequence, terms](const Choice& choice, std::uint64_t seed, std::int64_t index) {
-    return with_estimator(sequence, terms, choice, [&](const auto& e) { return trace(e, seed, index); });
-  };
+  set_runs(p, [sequence, terms](const Choice& choice, Task& task) {
+    with_estimator(sequence, terms, choice, [&task](const auto& e) { carry_out(e, task); });
+  });
   p.pilot = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
     return pilot(sequence, level, draws, seed);
   };
@@ -122,15 +143,7 @@ Problem make(Facts facts, const S& sequence, const Rates& rates) {
 /// Gives a problem a method of its own: an estimator that needs neither PMF nor level from outside.
 template <Estimator E>
 void add(Problem& p, Special special, const E& e) {
-  p.run = [e, name = special.name, others = std::move(p.run)](const Choice& choice, const Plan& plan) -> Statistics {
-    if (choice.special == name) return estimate(e, plan);
-    return others(choice, plan);
-  };
-  p.trace = [e, name = special.name, others = std::move(p.trace)](const Choice& choice, std::uint64_t seed,
-                                                                  std::int64_t index) {
-    return choice.special == name ? trace(e, seed, index) : others(choice, seed, index);
-  };
-  p.specials.push_back(std::move(special));
+  detail::add_special(p, std::move(special), [e](detail::Task& task) { detail::carry_out(e, task); });
 }
 
 }  // namespace debias::catalog

@@ -11,9 +11,12 @@
 
 #include <CLI/CLI.hpp>
 #include <debias/core/estimate.hpp>
+#include <debias/core/no_pmf.hpp>
 
+#include "commands/describe.hpp"
+#include "commands/renamed.hpp"
 #include "commands/text.hpp"
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 #include "manual.hpp"
 
@@ -32,9 +35,9 @@ struct Subcommand : Typed {
 
 void add_choice(Subcommand& c) {
   c.problem();
-  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none, multilevel with --error");
+  c.value("estimator", "NAME", "See `debias list estimators`; single_term when there is none");
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
-  c.value("block", "N", "Members of a block of systematic strata, which is one sample");
+  c.value("block", "N", "Samples of a block of systematic strata; --samples is rounded up to whole blocks");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
 }
 
@@ -47,7 +50,7 @@ void add_plan(Subcommand& c) {
 void add_goal(Subcommand& c) {
   c.value("error", "X", "As many samples as this standard error takes");
   c.value("relative_error", "X", "The same, in units of the mean");
-  c.value("time", "T", "As many samples as this time takes, 10s");
+  c.value("seconds", "T", "As many samples as this many seconds take, 10 or 10s");
 }
 
 void add_checkpoint(
@@ -77,7 +80,11 @@ std::string typed_so_far(const CLI::App& app) {
 }
 
 // CLI11 leaves words that it does not know to us, so that we can name the nearest one.
-[[noreturn]] void refuse_word(const CLI::App& app, const std::string& word, const std::string& where) {
+[[noreturn]] void refuse_words(const CLI::App& app, const std::vector<std::string>& words, const std::string& where) {
+  const std::string& word = words.front();
+  const std::string name = word.substr(0, word.find('='));
+  const std::string value = word != name ? word.substr(name.size() + 1) : words.size() > 1 ? words[1] : "";
+  for (const std::string& typed : {name + " " + value, name}) commands::refuse_if_renamed(typed);
   const bool is_option = word.size() > 1 && word[0] == '-';
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
@@ -86,8 +93,7 @@ std::string typed_so_far(const CLI::App& app) {
   for (const CLI::App* command : app.get_subcommands({})) {
     if (!is_option) names.push_back(command->get_name());
   }
-  const std::string meant =
-      suggestion(word.substr(0, word.find('=')), std::vector<std::string_view>(names.begin(), names.end()));
+  const std::string meant = suggestion(name, std::vector<std::string_view>(names.begin(), names.end()));
   throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where + "`)" +
                               (meant.empty() ? "; see `" + where + " --help`" : meant));
 }
@@ -95,9 +101,15 @@ std::string typed_so_far(const CLI::App& app) {
 const Subcommand& chosen(const CLI::App& app, const std::deque<Subcommand>& commands) {
   for (const Subcommand& command : commands) {
     if (!command.app->parsed()) continue;
-    for (const std::string& word : command.app->remaining()) refuse_word(*command.app, word, typed_so_far(app));
+    const std::vector<std::string> unknown = command.app->remaining();
+    if (!unknown.empty()) refuse_words(*command.app, unknown, typed_so_far(app));
+    for (const auto& [field, value] : command.words.values) {
+      for (const std::string& before : {option(field), command.command})
+        commands::refuse_if_renamed(before + " " + value);
+    }
   }
-  for (const std::string& word : app.remaining()) refuse_word(app, word, "debias");
+  const std::vector<std::string> unknown = app.remaining();
+  if (!unknown.empty()) refuse_words(app, unknown, "debias");
   for (const Subcommand& command : commands) {
     if (command.app->parsed()) return command;
   }
@@ -123,9 +135,16 @@ int report_sample(const SampleError& error) {
   return internal_error;
 }
 
+// For a program that called this one: no PMF, and why.
+commands::Fields refusal(const NoPmfError& e) {
+  commands::Fields f = {{"kind", "no_pmf"}, {"message", e.what()}};
+  commands::append(f, commands::describe(e));
+  return f;
+}
+
 // Ranks share the samples of this request, and its seed, which each may have drawn for itself.
-void share(Request& request, debias::detail::Ranks* ranks) {
-  const auto one_seed = [ranks](std::uint64_t& seed) {
+void share(Request& request, const Ranks& ranks) {
+  const auto one_seed = [&ranks](std::uint64_t& seed) {
     seed = debias::detail::share<std::uint64_t>(ranks, [&seed] { return seed; });
   };
   if (auto* run = std::get_if<commands::RunRequest>(&request)) {
@@ -136,7 +155,7 @@ void share(Request& request, debias::detail::Ranks* ranks) {
     one_seed(multilevel->seed);
   } else if (auto* resume = std::get_if<Resume>(&request)) {
     resume->ranks = ranks;
-  } else {
+  } else if (ranks.size() > 1) {
     throw std::invalid_argument(
         "mpirun: (ranks can share the samples of `debias run` and `debias resume` only); start it without mpirun");
   }
@@ -177,11 +196,12 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
                          "  debias list pmfs --json");
   list.app->add_option("TOPIC", list.words.values["topic"], "problems, estimators or pmfs");
 
-  Subcommand& run = add("run", "Estimate one problem",
-                        "  debias run A01\n"
-                        "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-                        "  debias run A01 --pmf auto --error 1e-4      a pilot chooses PMF, base and strata\n"
-                        "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
+  Subcommand& run =
+      add("run", "Estimate one problem",
+          "  debias run A01\n"
+          "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
+          "  debias run A01 --estimator recipe --error 1e-4      a pilot chooses PMF, base level and strata\n"
+          "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
   add_choice(run);
   add_plan(run);
   add_goal(run);
@@ -212,7 +232,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   for (const char* field : {"seed", "sample"}) replay.words.values[field].clear();  // neither has a usual value
   add_choice(replay);
   replay.value("seed", "S", "The seed of the run")->required();
-  replay.value("sample", "I", "The index of the sample")->required();
+  replay.value("sample", "I", "The index of the sample; of a block, all of it is drawn")->required();
 
   Subcommand& validate = add("validate", "Hold every estimator against the exact answers",
                              "  debias validate\n"
@@ -236,7 +256,8 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
                            "  debias survey A01\n"
                            "  debias survey A01 --levels 12 --samples 1e5 --json");
   survey.problem();
-  survey.value("levels", "L", "Levels 0 to L - 1");
+  survey.value("levels", "L", "How many levels; 10 by default");
+  survey.value("first", "K", "The first of them, 0 by default: above those without finite moments, say");
   add_plan(survey);
   add_output(survey);
 
@@ -248,7 +269,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   tradeoff.value("points", "K", "PMFs to try");
   tradeoff.value("estimator", "NAME", "single_term or single_term_outcome");
   tradeoff.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
-  tradeoff.value("block", "N", "Members of a block of systematic strata");
+  tradeoff.value("block", "N", "Samples of a block of systematic strata");
   tradeoff.app->add_flag("--csv", tradeoff.delivery.csv, "Comma-separated values instead of a text");
   add_plan(tradeoff);
   add_checkpoint(tradeoff);
@@ -313,6 +334,10 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   photons.flag("allow_infinite_mean", "Run the alpha schedule, whose mean does not converge");
   add_picture(photons);
 
+  for (Subcommand* c : {&run, &resume, &merge, &survey, &diagnose}) {
+    c->app->add_flag("--full", c->delivery.full,
+                     "All of the text: levels, tails, largest values, reasons; --json has it always");
+  }
   for (Subcommand& c : all) {
     c.app->add_flag(
         "--json", c.delivery.json,
@@ -346,12 +371,21 @@ int execute(const Command& command) {
   return std::visit([&command](const auto& request) { return execute(request, command.delivery); }, command.request);
 }
 
-int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks) {
+int dispatch(int argc, const char* const* argv, const Ranks& ranks) {
   const auto typed = read_command_line(argc, argv);
   if (!typed) return done;
   Command command{read_request(typed->command, typed->words), typed->delivery};
-  if (ranks != nullptr) share(command.request, ranks);
-  return execute(command);
+  share(command.request, ranks);
+  try {
+    return execute(command);
+  } catch (const NoPmfError& e) {
+    if (command.delivery.json) {
+      Output out;
+      out.stream() << commands::pretty_json(commands::Fields{{"status", "no_pmf"}, {"error", refusal(e)}}) << '\n';
+      out.flush();
+    }
+    throw;
+  }
 }
 
 int exit_code_of_current_exception() {

@@ -20,7 +20,7 @@ struct Typed {
 std::optional<Typed> read_command_line(int argc, const char* const* argv);
 
 /// Reads and executes; the exit code. Ranks share what a run draws.
-int dispatch(int argc, const char* const* argv, debias::detail::Ranks* ranks = nullptr);
+int dispatch(int argc, const char* const* argv, const Ranks& ranks = {});
 
 /// Says on standard error what is wrong; the exit code. Within a catch block.
 int exit_code_of_current_exception();

@@ -127,8 +127,10 @@ int execute(const Diagnose& request, const Delivery& delivery) {
   Output out(delivery.output);
   Diagnosis d = diagnosed(source, request.reading);
   d.file = request.file == "-" ? source.name() : request.file;
-  std::vector<std::string> doubts;
-  for (const numbers::Doubt& doubt : d.read.doubts) doubts.push_back(doubt.text + "; " + advice_on(doubt.cause) + ".");
+  std::vector<Warning> doubts;
+  for (const numbers::Doubt& doubt : d.read.doubts) {
+    doubts.push_back({WarningCode::reading, doubt.text + "; " + advice_on(doubt.cause) + "."});
+  }
   d.warnings.insert(d.warnings.begin(), doubts.begin(), doubts.end());
   const std::string bad_rows = std::to_string(d.read.bad_rows) + " bad rows";
   if (d.moments.count == 0) {

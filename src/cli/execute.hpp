@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "core/checkpoint.hpp"
+#include "core/part_file.hpp"
 #include "output.hpp"
 #include "requests.hpp"
 
@@ -17,6 +17,7 @@ struct Delivery {
   std::string checkpoint = {};  ///< what is finished is kept in this file
   bool json = false;
   bool csv = false;
+  bool full = false;  ///< all of a text that is brief by itself
   bool quiet = false;
   std::shared_ptr<const Parts> held = {};  ///< not typed: what `resume` has read from `checkpoint`
 };
@@ -50,7 +51,11 @@ void deliver(const Report& report, const Delivery& delivery, Output& out) {
   if (delivery.json) {
     out.stream() << commands::to_json(report) << '\n';
   } else {
-    print(out.stream(), report);
+    if constexpr (requires { print(out.stream(), report, true); }) {
+      print(out.stream(), report, delivery.full);
+    } else {
+      print(out.stream(), report);
+    }
   }
   out.flush();
 }

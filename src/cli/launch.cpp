@@ -10,7 +10,7 @@
 #include <debias/mpi.hpp>
 #endif
 
-#include "../core/ranks.hpp"
+#include "../core/communicator.hpp"
 #include "output.hpp"
 
 namespace debias::cli {
@@ -59,8 +59,8 @@ Launch::Launch(int* argc, char*** argv) {
 }
 
 Launch::~Launch() {
-  if (!ranks_) return;
-  ranks_.reset();
+  if (ranks_.size() < 2) return;
+  ranks_ = Ranks();
   MPI_Finalize();
 }
 
@@ -79,9 +79,8 @@ Launch::~Launch() = default;
 #endif
 
 int Launch::leave(int code, std::exception_ptr failure) {
-  if (!ranks_) return code;
-  ranks_->leave(failure);
-  return ranks_->leads() ? code : 0;
+  ranks_.communicator().leave(failure);
+  return ranks_.leads() ? code : 0;
 }
 
 }  // namespace debias::cli

@@ -3,9 +3,8 @@
 // mpirun starts a program several times; what these processes are to each other.
 
 #include <exception>
-#include <memory>
 
-#include <debias/core/result.hpp>
+#include <debias/core/ranks.hpp>
 
 namespace debias::cli {
 
@@ -19,14 +18,13 @@ class Launch {
   Launch& operator=(const Launch&) = delete;
   ~Launch();
 
-  /// Null for a process that is alone.
-  [[nodiscard]] debias::detail::Ranks* ranks() const { return ranks_.get(); }
+  [[nodiscard]] const Ranks& ranks() const { return ranks_; }
   /// The exit code of this rank for the one that it would have alone. All ranks call it when they have ended
   /// or failed.
   int leave(int code, std::exception_ptr failure);
 
  private:
-  std::shared_ptr<debias::detail::Ranks> ranks_;
+  Ranks ranks_;
 };
 
 }  // namespace debias::cli

@@ -116,7 +116,7 @@ int draw(const R& request, double exposure, Session& session, const Delivery& de
   report.complete ? session.flush() : session.suspend();
   target.write(report);
   if (report.fewer_threads > 0 && !delivery.quiet) {
-    complain("warning: " + debias::detail::fewer_threads_text(report.fewer_threads));
+    complain("warning: " + debias::detail::fewer_threads_warning(report.fewer_threads).text);
   }
   Output out;
   deliver(report, delivery, out);

@@ -239,7 +239,7 @@ class Writer {
   }
   void pmf(const PmfChoice& x) {
     const AnyPmf* pmf = std::get_if<AnyPmf>(&x);
-    text("pmf", pmf != nullptr ? pmf->spec() : std::holds_alternative<ByRecipe>(x) ? "auto" : "declared");
+    text("pmf", pmf != nullptr ? pmf->spec() : "declared");
   }
   void format(const numbers::Request& x) {
     for (const FormatName& f : formats) {
@@ -274,7 +274,7 @@ template <class Way>
 void goal(Way& way, Goal& g, const std::string& before = "") {
   way.positive_or("none", before + "error", g.error);
   way.positive_or("none", before + "relative_error", g.relative_error);
-  way.seconds_or("none", before + "time", g.seconds);
+  way.seconds_or("none", before + "seconds", g.seconds);
 }
 
 template <class Way>
@@ -346,6 +346,7 @@ template <class Way>
 void layout(Way& way, SurveyRequest& r) {
   way.problem(r.problem);
   way.count("levels", r.levels, 2, most_levels);
+  way.count("first", r.first, 0);
   draws(way, r);
 }
 

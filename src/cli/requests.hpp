@@ -39,7 +39,7 @@ struct Resume {
   std::optional<std::int64_t> samples = {};
   Goal goal = {};
   int threads = 0;
-  debias::detail::Ranks* ranks = nullptr;
+  Ranks ranks = {};
 
   [[nodiscard]] bool longer() const { return samples || goal.asked(); }
 };

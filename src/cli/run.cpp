@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "commands/text.hpp"
-#include "core/ranks.hpp"
+#include "core/run_state_bytes.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -44,9 +44,11 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
                  : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
-  complain(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-           " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
-           std::to_string(s.first_nonfinite));
+  complain(
+      std::to_string(s.nonfinite) + " of " +
+      (s.block > 1 ? std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) : std::to_string(s.samples)) +
+      " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
+      std::to_string(s.first_nonfinite));
   return nonfinite_samples;
 }
 
@@ -88,7 +90,7 @@ KeptRun run_in(const std::string& path, const Loaded& file) {
 }
 
 // True on the one process that touches files.
-bool leads(const RunRequest& request) { return request.sampling.ranks == nullptr || request.sampling.ranks->leads(); }
+bool leads(const RunRequest& request) { return request.sampling.ranks.leads(); }
 
 // A file is written over by its own run only.
 void refuse_existing(const RunRequest& request, const std::string& path) {
@@ -105,7 +107,7 @@ int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, co
   keep_apart(delivery.output, path);
   Output out(delivery.output);
   Progress progress(delivery.quiet);
-  std::optional<CheckpointWriter> writer;
+  std::optional<PartWriter> writer;
   if (!path.empty() && leads(request)) writer.emplace(path, text, earlier.sums ? parts_of(*earlier.sums) : Parts());
   bool named = text == text_of(request);
   const auto save = [&](const RunRequest& now, const RunState& sums) {
@@ -133,7 +135,7 @@ int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, co
 
 // Another command than the run of one estimator: its words again, through the same door.
 int resume_parts(const Loaded& file, const Resume& request, const Delivery& delivery) {
-  if (request.ranks != nullptr) {
+  if (request.ranks.size() > 1) {
     throw std::invalid_argument("resume: (ranks can share a run of one estimator only, '" + request.file + "' is of " +
                                 command_of(file) + "); start it without mpirun");
   }
@@ -171,7 +173,7 @@ int execute(const RunRequest& request, const Delivery& delivery) {
 }
 
 int execute(const commands::MultilevelRequest& request, const Delivery& delivery) {
-  if (request.ranks != nullptr && !delivery.checkpoint.empty()) {
+  if (request.ranks.size() > 1 && !delivery.checkpoint.empty()) {
     throw std::invalid_argument(
         "--checkpoint (ranks keep the run of one estimator, not the levels of multilevel); start it without mpirun");
   }

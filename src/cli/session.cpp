@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 
 namespace debias::cli {
 namespace {
@@ -89,20 +89,17 @@ std::string text_of(const Saved& saved, const Delivery& delivery) {
   return text;
 }
 
-Loaded load(const std::string& path, debias::detail::Ranks* ranks) {
+Loaded load(const std::string& path, const Ranks& ranks) {
   try {
     const auto read = [&] {
-      Checkpoint file = read_checkpoint(path);
+      PartFile file = read_parts(path);
       if (file.dropped > 0) {
         complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
                  " bytes are no whole record and are left out");
       }
-      return file;
+      return encode(file.text, file.parts);
     };
-    Checkpoint file = ranks == nullptr ? read() : parse_checkpoint(ranks->share([&] {
-      const Checkpoint whole = read();
-      return encode(whole.text, whole.parts);
-    }));
+    PartFile file = parse_parts(ranks.communicator().share(read));
     Loaded loaded = words_of(file.text);
     loaded.parts = std::move(file.parts);
     return loaded;

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "commands/store.hpp"
-#include "core/checkpoint.hpp"
+#include "core/part_file.hpp"
 #include "execute.hpp"
 
 namespace debias::cli {
@@ -23,7 +23,7 @@ struct Loaded {
   Parts parts;
 };
 /// Throws FileError; says where the tail is torn. The leading one of `ranks` reads for all.
-Loaded load(const std::string& path, debias::detail::Ranks* ranks = nullptr);
+Loaded load(const std::string& path, const Ranks& ranks = {});
 
 bool is_regular_file(const std::string& path);
 
@@ -62,7 +62,7 @@ class Session final : public commands::Store {
   std::string path_;
   Parts held_;
   Parts fresh_;
-  std::optional<CheckpointWriter> writer_;
+  std::optional<PartWriter> writer_;
   Clock::time_point due_;
 };
 

@@ -18,9 +18,9 @@ AdviceReport advise(const AdviseRequest& request, const Watch& watch) {
   return {&problem, debias::advise(problem.levels, plan, recipe_of(request.shape, problem))};
 }
 
-void print(std::ostream& out, const AdviceReport& a) {
+void print(std::ostream& out, const AdviceReport& a, bool full) {
   print_line(out, "problem", title(*a.problem));
-  out << a.advice;
+  full ? print_full(out, a.advice) : void(out << a.advice);
 }
 
 Fields fields(const AdviceReport& report) {

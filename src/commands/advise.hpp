@@ -13,7 +13,7 @@ namespace debias::commands {
 
 struct AdviseRequest {
   const catalog::Problem* problem = nullptr;
-  Shape shape = {};  ///< what it gives is not left to the pilot; its PMF does not matter
+  Shape shape = {};  ///< what it gives is not left to the pilot; it gives no PMF
   Sampling sampling = {};
 };
 
@@ -24,7 +24,8 @@ struct AdviceReport {
 
 AdviceReport advise(const AdviseRequest& request, const Watch& watch = {});
 
-void print(std::ostream& out, const AdviceReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const AdviceReport& report, bool full = false);
 Fields fields(const AdviceReport& report);
 
 }  // namespace debias::commands

@@ -54,7 +54,7 @@ Fields describe(const LevelRow& row) {
           {"count", row.count},
           {"mean", row.mean},
           {"second_moment", row.second_moment},
-          {"fourth_moment", row.fourth_moment},
+          {"kurtosis", row.kurtosis},
           {"work", row.work},
           {"probability", row.probability > 0 ? Node(row.probability) : Node(nullptr)}};
 }
@@ -88,7 +88,9 @@ Fields describe(const RunVerdict& v) {
           {"deepest_level", v.deepest_level},
           {"samples_needed", v.samples_needed},
           {"rate", v.rate},
-          {"sentences", v.sentences()}};
+          {"sentence", v.sentence()},
+          {"sentences", v.sentences()},
+          {"reasons", v.reasons}};
 }
 
 Fields describe(const Coupling& c) {
@@ -104,10 +106,10 @@ Fields describe(const Coupling& c) {
 
 Fields describe(const MeasuredRates& r) {
   return {{"kind", name_of(r.kind)},
-          {"mean", describe(r.mean)},
-          {"variance", describe(r.variance)},
-          {"fourth", describe(r.fourth)},
-          {"work", describe(r.work)}};
+          {"mean_decay", describe(r.mean_decay)},
+          {"variance_decay", describe(r.variance_decay)},
+          {"fourth_decay", describe(r.fourth_decay)},
+          {"work_growth", describe(r.work_growth)}};
 }
 
 Fields describe(const Advice& a) {
@@ -123,7 +125,19 @@ Fields describe(const Advice& a) {
           {"grade", name_of(a.survey.grade)},
           {"rates", describe(a.survey.rates)},
           {"sentences", a.sentences},
+          {"warnings", a.warnings},
           {"remarks", a.survey.remarks}};
+}
+
+Fields describe(const NoPmfError& e) {
+  return {{"variance_decay", e.variance_decay().value},
+          {"variance_decay_error", e.variance_decay().error},
+          {"work_growth", e.work_growth().value},
+          {"work_growth_error", e.work_growth().error},
+          {"decay", e.decay() == Decay::polynomial ? "polynomial" : "geometric"},
+          {"grade", name_of(e.grade())},
+          {"reason", e.reason()},
+          {"help", e.help()}};
 }
 
 }  // namespace debias::commands

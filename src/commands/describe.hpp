@@ -2,6 +2,7 @@
 
 // Results of the library as fields of a report.
 
+#include <debias/core/no_pmf.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/verdict.hpp>
 #include <debias/recipe.hpp>
@@ -22,5 +23,7 @@ Fields describe(const Coupling& coupling);
 /// A value that is not finite: faster than any rate, as `kind` says, or not known.
 Fields describe(const MeasuredRates& rates);
 Fields describe(const Advice& advice);
+/// What a refusal rests on; an error that is not known is null.
+Fields describe(const NoPmfError& refusal);
 
 }  // namespace debias::commands

@@ -8,6 +8,7 @@
 #include <debias/statistics/dependent.hpp>
 
 #include "core/text.hpp"
+#include "core/words.hpp"
 #include "describe.hpp"
 #include "text.hpp"
 
@@ -16,14 +17,6 @@ namespace {
 
 std::string figure(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
 
-std::string text_of(const TailIndex& tail) {
-  if (tail.state == TailState::too_few) return "no shape: too few values beyond the most common ones";
-  if (tail.state == TailState::bounded) return "bounded: the outermost value is too common for a tail";
-  return "k = " + figure(tail.k) + " +- " + figure(tail.error, 2) + " (" + std::to_string(tail.values) + " values; " +
-         (tail.ties ? "with ties as they are " + figure(tail.plain) + ", " : "") + "Hill " + figure(tail.hill) +
-         ", moment " + figure(tail.moment) + ", Pickands " + figure(tail.pickands) + ")";
-}
-
 // Neighbours that resemble each other make the means of blocks scatter more than single values say.
 void judge_blocks(Diagnosis& d) {
   constexpr double limit = 1.5;
@@ -31,9 +24,10 @@ void judge_blocks(Diagnosis& d) {
   if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
   const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
   if (!(ratio >= limit)) return;
-  d.warnings.push_back("the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " +
-                       rounded(limit) +
-                       "): values depend on their neighbours, so the standard error is too small; take the blocks.");
+  d.warnings.push_back(
+      {WarningCode::dependence,
+       "the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " + rounded(limit) +
+           "): values depend on their neighbours, so the standard error is too small; take the blocks."});
 }
 
 // An interval that allows for it, and a word where the values alternate.
@@ -41,8 +35,9 @@ void judge_dependence(Diagnosis& d) {
   const Dependence dependence = dependence_of(d.block_means, d.block_length, d.moments);
   if (!dependence.matters()) return;
   if (dependence.time < 1) {
-    d.warnings.push_back("values alternate about their mean: its standard error is about " +
-                         rounded(1 / std::sqrt(dependence.time), 2) + " times too large; take the blocks.");
+    d.warnings.push_back({WarningCode::alternation, "values alternate about their mean: its standard error is about " +
+                                                        rounded(1 / std::sqrt(dependence.time), 2) +
+                                                        " times too large; take the blocks."});
     return;
   }
   d.interval = interval_with(d.moments.mean, dependence.standard_error, dependence.degrees);
@@ -102,7 +97,7 @@ double square_share(const Diagnosis& d, double value) {
 
 namespace {
 
-void print_values(std::ostream& out, const Diagnosis& d) {
+void print_values(std::ostream& out, const Diagnosis& d, bool full) {
   const Moments& m = d.moments;
   const numbers::Report& r = d.read;
   const auto at = [&d](std::int64_t row) { return d.unit + " " + std::to_string(row); };
@@ -126,12 +121,13 @@ void print_values(std::ostream& out, const Diagnosis& d) {
              m.count > 1 && d.standard_error > 0
                  ? with_error(d.mean, d.standard_error) + rest + "   " + text_of(d.interval) + doubt
                  : to_text(d.mean) + rest);
-  if (m.count < 2) {
-    print_line(out, "warning", "one value has no standard error.");
-    return;
-  }
+  if (m.count < 2) return;
   if (!(m.m2 > 0)) {
     print_line(out, "verdict", "all values are equal: there is no variance to judge.");
+    return;
+  }
+  if (!full) {
+    print_line(out, "verdict", v.sentence());
     return;
   }
   if (!d.block_means.empty()) {
@@ -145,8 +141,8 @@ void print_values(std::ostream& out, const Diagnosis& d) {
                    " means: BIASED for skewed values, never to be averaged)");
   }
   print_line(out, "kurtosis", figure(m.kurtosis(), 4));
-  print_line(out, "upper tail", text_of(v.upper));
-  print_line(out, "lower tail", text_of(v.lower));
+  print_line(out, "upper tail", tail_words(v.upper));
+  print_line(out, "lower tail", tail_words(v.lower));
   const char* name = "largest";
   for (const LargeSample& l : d.largest) {
     print_line(out, name,
@@ -248,12 +244,15 @@ void Sums::finish(Diagnosis& d) {
   d.block_length = blocks_.length();
 }
 
-void print(std::ostream& out, const Diagnosis& d) {
-  print_values(out, d);
-  for (const std::string& warning : d.warnings) print_line(out, "warning", warning);
+void print(std::ostream& out, const Diagnosis& d, bool full) {
+  print_values(out, d, full);
+  for (const Warning& warning : d.warnings) print_line(out, "warning", warning.text);
 }
 
 void judge(Diagnosis& d) {
+  if (d.nonfinite == 0 && d.moments.count == 1) {
+    d.warnings.push_back({WarningCode::one_sample, "one value has no standard error."});
+  }
   if (d.nonfinite > 0 || d.moments.count < 2) return;
   d.interval = interval_of(d.moments);
   if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);

@@ -50,7 +50,7 @@ struct Diagnosis {
   RunVerdict verdict;
   std::int64_t nonfinite = 0;
   std::int64_t first_nonfinite = 0;
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
 };
 
 /// Everything that is remembered of the values, in blocks.
@@ -97,7 +97,8 @@ struct DiagnoseRequest {
 /// Without a value there is nothing to diagnose. Throws numbers::Error.
 Diagnosis diagnose(const DiagnoseRequest& request);
 
-void print(std::ostream& out, const Diagnosis& diagnosis);
+/// Brief, or all of it.
+void print(std::ostream& out, const Diagnosis& diagnosis, bool full = false);
 Fields fields(const Diagnosis& diagnosis);
 
 }  // namespace debias::commands

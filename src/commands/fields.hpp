@@ -11,6 +11,8 @@
 #include <variant>
 #include <vector>
 
+#include <debias/core/warning.hpp>
+
 namespace debias::commands {
 
 struct Node;
@@ -37,6 +39,8 @@ struct Node {
   Node(List x);
   Node(Fields x);
   Node(const std::vector<std::string>& x);
+  Node(const Warning& x);
+  Node(const std::vector<Warning>& x);
 
   Value value;
 };
@@ -62,6 +66,8 @@ inline Node::Node(std::string x) : value(std::move(x)) {}
 inline Node::Node(List x) : value(std::move(x)) {}
 inline Node::Node(Fields x) : value(std::move(x)) {}
 inline Node::Node(const std::vector<std::string>& x) : value(List(x.begin(), x.end())) {}
+inline Node::Node(const Warning& x) : value(Fields{{"code", name_of(x.code)}, {"text", x.text}}) {}
+inline Node::Node(const std::vector<Warning>& x) : value(List(x.begin(), x.end())) {}
 
 inline void append(Fields& fields, Fields more) {
   for (Entry& entry : more) fields.push_back(std::move(entry));
@@ -76,7 +82,7 @@ List list_of(const Range& range, const F& describe) {
 }
 
 /// Changes whenever a key changes its meaning or goes.
-inline constexpr int schema = 1;
+inline constexpr int schema = 2;
 
 /// Of the stream layout, the program and the keys.
 Fields versions();

@@ -35,11 +35,11 @@ Fields describe(const catalog::Problem& p) {
           {"name", p.name},
           {"module", p.module},
           {"truth", p.truth},
-          {"variance_rate", p.rates.variance_decay},
-          {"variance_decay", faster                              ? "faster"
-                             : p.rates.decay == Decay::geometric ? "geometric"
-                                                                 : "polynomial"},
-          {"work_rate", p.rates.work_growth},
+          {"decay", faster                              ? "faster"
+                    : p.rates.decay == Decay::geometric ? "geometric"
+                                                        : "polynomial"},
+          {"variance_decay", p.rates.variance_decay},
+          {"work_growth", p.rates.work_growth},
           {"pmf_exists", pmf_exists(p.rates)},
           {"source", p.formula}};
 }
@@ -61,6 +61,8 @@ ListReport list(const ListRequest& request) {
   for (const catalog::Method m : catalog::methods()) {
     entries.push_back({std::string(catalog::name_of(m)), std::string(catalog::describe(m))});
   }
+  entries.push_back({"recipe", "the best single term for the problem: a pilot chooses PMF, base level and strata"});
+  entries.push_back({"multilevel", "no sample: the biased baseline, as many draws a level as its error takes"});
   for (const catalog::Special& s : catalog::specials()) entries.push_back({s.name, s.description});
   return {std::move(entries)};
 }

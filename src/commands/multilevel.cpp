@@ -41,9 +41,9 @@ MultilevelReport multilevel(const MultilevelRequest& request, const Caller& call
   return {&problem, debias::multilevel(levels, request.error, plan)};
 }
 
-void print(std::ostream& out, const MultilevelReport& run) {
+void print(std::ostream& out, const MultilevelReport& run, bool full) {
   print_line(out, "problem", title(*run.problem));
-  out << run.statistics;
+  full ? print_full(out, run.statistics) : void(out << run.statistics);
   const double distance = (run.statistics.components.front().mean - run.problem->truth) / run.statistics.goal;
   if (std::isnan(distance)) return;
   print_line(out, "truth", rounded(run.problem->truth, 15) + ", " + rounded(distance, 3) + " goals away");

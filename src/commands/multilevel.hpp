@@ -18,7 +18,7 @@ struct MultilevelRequest {
   double error = 0;  ///< root mean square, bias included
   std::uint64_t seed = 1;
   int threads = 0;
-  debias::detail::Ranks* ranks = nullptr;
+  Ranks ranks = {};
 };
 
 struct MultilevelReport {
@@ -32,7 +32,8 @@ MultilevelRequest multilevel_of(const RunRequest& request);
 /// Keeps the draws of each level.
 MultilevelReport multilevel(const MultilevelRequest& request, const Caller& caller = {});
 
-void print(std::ostream& out, const MultilevelReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const MultilevelReport& report, bool full = false);
 Fields fields(const MultilevelReport& report);
 
 }  // namespace debias::commands

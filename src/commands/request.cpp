@@ -4,6 +4,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <debias/core/no_pmf.hpp>
+
 namespace debias::commands {
 namespace {
 
@@ -11,6 +13,7 @@ const Field estimator_field{"estimator"};
 const Field pmf_field{"pmf"};
 const Field block_field{"block"};
 const Field samples_field{"samples"};
+constexpr std::string_view recipe_name = "recipe";
 
 std::string joined(const BadRequest::Pieces& pieces, const std::function<std::string(std::string_view)>& spell) {
   std::string text;
@@ -43,6 +46,8 @@ AnyPmf pmf_of(const PmfChoice& pmf, const catalog::Problem& problem, catalog::Me
   if (const AnyPmf* given = std::get_if<AnyPmf>(&pmf)) return *given;
   try {
     return catalog::default_pmf(problem, method);
+  } catch (const NoPmfError&) {  // no mistake of who asks
+    throw;
   } catch (const std::invalid_argument& e) {
     throw BadRequest({pmf_field, std::string(" declared: ") + e.what()});
   }
@@ -64,6 +69,7 @@ std::string BadRequest::spelled(const std::function<std::string(std::string_view
 }
 
 Estimator estimator_of(const std::string& name) {
+  if (name == recipe_name) return {.recipe = true};
   const auto& all = catalog::problems();
   const bool special = std::any_of(
       all.begin(), all.end(), [&name](const catalog::Problem& p) { return catalog::find_special(p, name) != nullptr; });
@@ -72,12 +78,12 @@ Estimator estimator_of(const std::string& name) {
 }
 
 std::string name_of(const Estimator& estimator) {
+  if (estimator.recipe) return std::string(recipe_name);
   return estimator.special.empty() ? std::string(catalog::name_of(estimator.method)) : estimator.special;
 }
 
 PmfChoice pmf_of(const std::string& text) {
   if (text == "declared") return Declared{};
-  if (text == "auto") return ByRecipe{};
   try {
     return AnyPmf::parse(text);
   } catch (const std::invalid_argument& e) {
@@ -95,12 +101,17 @@ catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
     }
     return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, special};
   }
+  if (shape.by_recipe()) {
+    throw BadRequest(
+        {estimator_field,
+         " = 'recipe' (a pilot chooses it, and here the choice is asked for); give the estimator, PMF, base "
+         "level and block that the run has printed"});
+  }
   const catalog::Method method = method_of(shape, problem);
   const bool takes_pmf = method != catalog::Method::truncated;
   if (!takes_pmf && !declared) {
-    const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf);
     throw BadRequest(
-        {pmf_field, " = '" + (pmf != nullptr ? pmf->spec() : "auto") + "' (truncated draws no level); leave it out"});
+        {pmf_field, " = '" + std::get<AnyPmf>(shape.pmf).spec() + "' (truncated draws no level); leave it out"});
   }
   return {method, takes_pmf ? pmf_of(shape.pmf, problem, method) : AnyPmf(Geometric(0.5)),
           shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
@@ -108,7 +119,7 @@ catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
 
 catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
   const catalog::Method method = method_of(shape, problem);
-  if (!is_single_term(method)) {
+  if (shape.by_recipe() || !is_single_term(method)) {
     throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
                                            "' (a sweep is for single_term and single_term_outcome); leave it out"});
   }
@@ -119,17 +130,17 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   RecipeOptions options;
   options.lowest_base = problem.lowest_base;
   options.base_level = shape.base_level;
-  if (shape.block != 1) {
-    throw BadRequest(
-        {block_field, " = '" + std::to_string(shape.block) + "' (", pmf_field, " auto chooses it); leave it out"});
+  if (const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf)) {
+    throw BadRequest({pmf_field, " = '" + pmf->spec() + "' (a recipe chooses it); leave it out"});
   }
-  if (!shape.estimator) return options;
+  if (shape.block != 1) {
+    throw BadRequest({block_field, " = '" + std::to_string(shape.block) + "' (a recipe chooses it); leave it out"});
+  }
+  if (!shape.estimator || shape.estimator->recipe) return options;
   if (catalog::find_special(problem, shape.estimator->special) != nullptr ||
       !is_single_term(method_of(shape, problem))) {
-    throw BadRequest(
-        {pmf_field,
-         " auto: '" + name_of(*shape.estimator) + "' (a recipe is for single_term and single_term_outcome); leave ",
-         estimator_field, " out"});
+    throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
+                                           "' (a recipe is for single_term and single_term_outcome); leave it out"});
   }
   options.base = shape.estimator->method == catalog::Method::single_term ? Base::every_sample : Base::one_outcome;
   return options;
@@ -138,7 +149,7 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
 Plan plan_of(const Sampling& sampling) {
   const Goal& goal = sampling.goal;
   if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {
-    throw BadRequest({Field{"error"}, ", ", Field{"relative_error"}, ", ", Field{"time"},
+    throw BadRequest({Field{"error"}, ", ", Field{"relative_error"}, ", ", Field{"seconds"},
                       ": more than one (each fixes the samples); keep one"});
   }
   if (goal.asked() && sampling.samples) {

@@ -44,10 +44,11 @@ inline constexpr int most_threads = 1024;
 inline constexpr std::int64_t most_points = 10'000;
 inline constexpr std::int64_t most_levels = 1 << 16;
 
-/// One of catalog::methods(), or a special method of some problems.
+/// One of catalog::methods(), a special method of some problems, or what a recipe finds.
 struct Estimator {
   catalog::Method method = catalog::Method::single_term;
   std::string special = {};  ///< its name: the method does not matter then
+  bool recipe = false;       ///< a pilot chooses the single term, its PMF, base level and block: nor does it then
 };
 /// By its name. Throws std::invalid_argument, with the nearest one, for a name that no estimator has.
 Estimator estimator_of(const std::string& name);
@@ -55,27 +56,25 @@ std::string name_of(const Estimator& estimator);
 
 /// The PMF that the declared rates ask for.
 struct Declared {};
-/// PMF, base level and block from a pilot.
-struct ByRecipe {};
-using PmfChoice = std::variant<Declared, ByRecipe, AnyPmf>;
-/// From "declared", "auto" or the text of a PMF. Throws BadRequest.
+using PmfChoice = std::variant<Declared, AnyPmf>;
+/// From "declared" or the text of a PMF. Throws BadRequest.
 PmfChoice pmf_of(const std::string& text);
 
 /// What one sample is.
 struct Shape {
   std::optional<Estimator> estimator = {};      ///< single_term
-  PmfChoice pmf = Declared{};                         ///< of the random level
+  PmfChoice pmf = Declared{};                   ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
-  std::int64_t block = 1;                       ///< members of a block of systematic strata, which is one sample
+  std::int64_t block = 1;                       ///< samples of a block of systematic strata
 
-  [[nodiscard]] bool by_recipe() const { return std::holds_alternative<ByRecipe>(pmf); }
+  [[nodiscard]] bool by_recipe() const { return estimator && estimator->recipe; }
 };
 
-/// The shape with nothing left open, for a problem. Throws BadRequest where its fields do not go together.
+/// The shape with nothing left open, for a problem. Throws BadRequest where its fields do not go together, and for a recipe.
 catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem);
 /// The same for a sweep over PMFs: single terms only, and no PMF.
 catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem);
-/// What a shape leaves to a recipe.
+/// What a shape leaves to a recipe: all but a base level, and single_term or single_term_outcome. Throws BadRequest.
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem);
 
 /// How many samples, and which.
@@ -83,8 +82,8 @@ struct Sampling {
   std::optional<std::int64_t> samples = {};  ///< 1e6, or what the goal asks for
   Goal goal = {};
   std::uint64_t seed = 1;
-  int threads = 0;                         ///< 0: as many as the machine has
-  debias::detail::Ranks* ranks = nullptr;  ///< processes that share the samples
+  int threads = 0;   ///< 0: as many as the machine has
+  Ranks ranks = {};  ///< processes that share the samples
 
   static constexpr std::int64_t usual = 1'000'000;
 };

@@ -5,7 +5,8 @@
 #include <ostream>
 #include <string_view>
 
-#include "core/checkpoint.hpp"
+#include <debias/core/estimator.hpp>
+
 #include "describe.hpp"
 #include "store.hpp"
 #include "text.hpp"
@@ -37,7 +38,7 @@ DeclaredFiniteness verdict_of(const catalog::Problem& problem, const catalog::Ch
 // What a reader of numbers that are not finite wants to know.
 std::string_view status_of(const Statistics& s) {
   if (s.nonfinite > 0) return "nonfinite";
-  if (s.samples < 2) return "one_sample";
+  if (s.blocks < 2) return "one_sample";
   return s.moments.m2 > 0 ? "ok" : "zero_variance";
 }
 
@@ -48,9 +49,10 @@ Node describe_goal(const Statistics& s) {
   return Fields{{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
 }
 
-RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t samples) {
+RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, std::int64_t block) {
+  const std::int64_t samples = debias::detail::whole_blocks(asked, block);
   if (!shard) return {0, samples};
-  constexpr std::int64_t chunk = default_chunk;
+  const std::int64_t chunk = block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk;
   const std::int64_t chunks = (samples - 1) / chunk + 1;
   const auto [i, n] = *shard;
   const auto cut = [&, n = n](std::int64_t k) {
@@ -85,7 +87,7 @@ RunRequest settled(const RunRequest& request) {
     r.shape = shape_of(choice_of(r.shape, *r.problem));
   }
   if (!plan.goal.asked()) r.sampling.samples = plan.samples;
-  range_of(r.shard, plan.samples);
+  range_of(r.shard, plan.samples, r.shape.block);
   return r;
 }
 
@@ -116,7 +118,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   }
   if (!goal.asked()) {
     now.sampling.samples = plan.samples;
-    const auto [first, last] = range_of(request.shard, plan.samples);
+    const auto [first, last] = range_of(request.shard, plan.samples, choice.block);
     plan.whole = plan.samples;
     plan.first = first;
     plan.samples = last - first;
@@ -137,8 +139,9 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   if (advice) debias::detail::follow(statistics, *advice, goal);
   if (choice.base_level < problem.lowest_base) {
     statistics.warnings.push_back(
-        "the base level lies below " + std::to_string(problem.lowest_base) +
-        ", where the fourth moment of a level is infinite and the standard error is not to be trusted.");
+        {WarningCode::base_level,
+         "the base level lies below " + std::to_string(problem.lowest_base) +
+             ", where the fourth moment of a level is infinite and the standard error is not to be trusted."});
   }
   if (request.served.asked()) statistics.goal = request.served;
   const Interval interval = statistics.interval(request.confidence);
@@ -162,7 +165,7 @@ std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
     r.served = {};
   } else if (request.samples) {
     const std::int64_t held = earlier.sums ? earlier.sums->last() : 0;
-    if (*request.samples < held) {
+    if (debias::detail::whole_blocks(*request.samples, earlier.sums ? earlier.sums->block() : 1) < held) {
       throw BadRequest({samples_field, " = '" + std::to_string(*request.samples) + "' (the file holds " +
                                            std::to_string(held) +
                                            " samples already, and none is thrown away); ask for more"});
@@ -213,29 +216,26 @@ KeptRun merged(const MergeRequest& request) {
   return whole;
 }
 
-void print(std::ostream& out, const RunReport& run) {
+void print(std::ostream& out, const RunReport& run, bool full) {
   const Statistics& s = run.statistics;
   print_line(out, "problem", title(*run.problem));
-  out << s;
+  full ? print_full(out, s) : void(out << s);
   if (run.interval.confidence != 0.95) {
     print_line(out, "interval",
                rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, 8) + ", " +
                    rounded(run.interval.high, 8) + "]");
   }
-  if (!s.largest.empty()) {
-    const LargeSample& l = s.largest.front();
-    print_line(
-        out, "largest",
-        rounded(l.value, 6) + " (sample " + std::to_string(l.index) + ", level " + std::to_string(l.level) + ")");
-  }
   if (!std::isnan(run.z)) {
     print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
   }
-  if (!run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
-  if (!run.advice) return;
-  out << *run.advice;
-  if (run.problem->id.empty()) return;
   const catalog::Choice& c = run.choice;
+  // What the standard error does not hold, or a sample does not have, belongs to any report.
+  const bool plain = run.verdict.finite_variance && run.verdict.finite_work && c.method != catalog::Method::truncated &&
+                     c.special.empty();
+  if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
+  if (!run.advice) return;
+  full ? print_full(out, *run.advice) : debias::detail::print_doubts(out, *run.advice, s);
+  if (!full || run.problem->id.empty()) return;
   print_line(out, "replay",
              "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
                  c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
@@ -261,6 +261,7 @@ Fields fields(const RunReport& run) {
   if (!s.name.empty()) f.push_back({"name", s.name});
   append(f, {{"bias_bound", Fields{{"size", s.bias_bound.size}, {"sentence", s.bias_bound.sentence}}},
              {"samples", s.samples},
+             {"blocks", s.blocks},
              {"work", s.work},
              {"seconds", s.seconds},
              {"pilot_work", s.pilot_work},
@@ -273,7 +274,7 @@ Fields fields(const RunReport& run) {
                                 {"finite_work", run.verdict.finite_work},
                                 {"tail_index", run.verdict.tail_index},
                                 {"sentence", run.verdict.sentence}}}});
-  if (s.nonfinite == 0 && s.samples > 1) f.push_back({"evidence", describe(s.verdict())});
+  if (s.nonfinite == 0 && s.blocks > 1) f.push_back({"evidence", describe(s.verdict())});
   append(f, {{"coupling", describe(s.coupling)},
              {"warnings", s.warnings},
              {"nonfinite", s.nonfinite},

@@ -20,7 +20,7 @@
 
 namespace debias::commands {
 
-/// The i-th of so many parts of the samples: whole chunks of any estimator, the end of the run to the last one.
+/// The i-th of so many parts of the samples: whole chunks of the estimator, the end of the run to the last one.
 struct Shard {
   std::int64_t index = 1;
   std::int64_t of = 1;
@@ -75,7 +75,7 @@ struct ResumeRequest {
   std::optional<std::int64_t> samples = {};  ///< in all, those that are kept included
   Goal goal = {};
   int threads = 0;
-  debias::detail::Ranks* ranks = nullptr;
+  Ranks ranks = {};
 };
 /// The request that `run` goes on with, from what is kept. Throws BadRequest.
 std::pair<RunRequest, Earlier> extended(const ResumeRequest& request);
@@ -89,7 +89,8 @@ struct MergeRequest {
 /// The whole. Throws BadPart where the shards are not all of one run.
 KeptRun merged(const MergeRequest& request);
 
-void print(std::ostream& out, const RunReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const RunReport& report, bool full = false);
 Fields fields(const RunReport& report);
 
 }  // namespace debias::commands

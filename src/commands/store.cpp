@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/checkpoint.hpp"
+#include "core/run_state_bytes.hpp"
 
 namespace debias::commands {
 

@@ -14,7 +14,8 @@ namespace debias::commands {
 
 struct SurveyRequest {
   const catalog::Problem* problem = nullptr;
-  std::int64_t levels = 10;       ///< 0 ... levels - 1
+  std::int64_t first = 0;
+  std::int64_t levels = 10;       ///< first ... first + levels - 1
   std::int64_t samples = 10'000;  ///< draws of each level
   std::uint64_t seed = 1;
   int threads = 0;
@@ -29,7 +30,8 @@ struct SurveyReport {
 /// The levels that are complete, where `watch` ends it.
 SurveyReport survey(const SurveyRequest& request, const Watch& watch = {});
 
-void print(std::ostream& out, const SurveyReport& report);
+/// Brief, or all of it.
+void print(std::ostream& out, const SurveyReport& report, bool full = false);
 Fields fields(const SurveyReport& report);
 
 }  // namespace debias::commands

@@ -52,10 +52,9 @@ TradeoffPoint predicted(const AnyPmf& pmf, const MeasuredRates& rates, const Ter
 void measure(TradeoffPoint& point, const catalog::Choice& choice, const Plan& plan, const catalog::Problem& problem) {
   try {
     const Statistics s = problem.run(choice, plan);
-    const auto block = static_cast<double>(choice.block);
     point.measured = true;
-    point.variance = s.components.front().variance * block;
-    point.work = s.work_per_sample() / block;
+    point.variance = s.components.front().variance;
+    point.work = s.work_per_sample();
     point.efficiency = s.efficiency();
   } catch (const UndrawableError&) {
     return;
@@ -134,7 +133,7 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
         catalog::Choice choice = shape;
         choice.pmf = point.pmf;
         Plan run = plan;
-        run.samples = std::max<std::int64_t>(2, plan.samples / shape.block);
+        run.samples = std::max(2 * shape.block, plan.samples);
         caller.attach(run, point.pmf.spec());
         measure(point, choice, run, problem);
       }

@@ -26,7 +26,7 @@ struct TradeoffRequest {
   Family family = Family::geometric;
   std::int64_t points = 15;        ///< PMFs to try
   Shape shape = {};                ///< a single term; its PMF does not matter
-  std::int64_t samples = 100'000;  ///< members, of each PMF
+  std::int64_t samples = 100'000;  ///< of each PMF
   std::uint64_t seed = 1;
   int threads = 0;
 };
@@ -35,9 +35,9 @@ struct TradeoffRequest {
 struct TradeoffPoint {
   AnyPmf pmf;
   MeasuredFiniteness verdict;
-  VarianceAndWork predicted;  ///< of one member
+  VarianceAndWork predicted;  ///< of one sample
   bool measured = false;      ///< not where the work is infinite, or may be
-  double variance = 0;        ///< of one member, measured
+  double variance = 0;        ///< of one sample, measured
   double work = 0;
   double efficiency = 0;
 };

@@ -105,11 +105,33 @@ void ComponentMoments::size_mismatch(std::size_t components) const {
 }
 
 void LevelSums::merge(const LevelSums& other) {
+  const bool others_unit = other.square > square;  // the larger of two that differ
+  const double other_unit = other.square == 0 ? unit : other.unit;
+  if (unit == other_unit || square == 0) {
+    unit = other_unit;
+    fourth += other.fourth;
+  } else {
+    const double common = others_unit ? other_unit : unit;
+    const auto in = [common](double sum, double own) { return sum * (common / own) * (common / own); };
+    fourth = in(fourth, unit) + in(other.fourth, other_unit);
+    unit = common;
+  }
   count += other.count;
   difference += other.difference;
   square += other.square;
-  fourth += other.fourth;
   work += other.work;
+}
+
+double LevelSums::far_unit(double d2) {
+  if (!std::isfinite(d2)) return 1;
+  // Room for values of 2^450 times this size.
+  return std::ldexp(1.0, (d2 < 1 ? -400 : 400) - std::ilogb(d2));
+}
+
+double LevelSums::kurtosis() const {
+  if (square == 0) return 0;
+  const double q = square * unit;
+  return fourth * static_cast<double>(count) / (q * q);
 }
 
 void LevelTable::merge(const LevelTable& other) {
@@ -126,10 +148,11 @@ std::pair<std::int64_t, std::int64_t> LevelTable::levels_of_row(std::size_t row)
   return {first, first + (first - 1)};
 }
 
-void Extremes::add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index) {
+void Extremes::add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index,
+                   std::int64_t step) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double x = values[i] + 0.0;  // -0 becomes 0: equal values must have equal bits
-    const LargeSample candidate{first_index + static_cast<std::int64_t>(i), levels[i], x};
+    const LargeSample candidate{first_index + static_cast<std::int64_t>(i) * step, levels[i], x};
     if (!std::isfinite(x)) [[unlikely]] {
       add_nonfinite(candidate.index);
       continue;
@@ -176,11 +199,11 @@ void Accumulator::merge(const Accumulator& right) {
 void Recorder::flush() {
   const std::span values(values_.data(), filled_);
   sums_.moments.merge(Moments::of(values));
-  const auto known =
-      static_cast<std::size_t>(std::clamp<std::int64_t>(known_ - block_first_, 0, static_cast<std::int64_t>(filled_)));
+  const auto known = static_cast<std::size_t>(
+      std::clamp<std::int64_t>((known_ - first_) / block_, 0, static_cast<std::int64_t>(filled_)));
   extremes_.add(values.subspan(known), std::span(levels_.data(), filled_).subspan(known),
-                block_first_ + static_cast<std::int64_t>(known));
-  block_first_ += static_cast<std::int64_t>(filled_);
+                first_ + static_cast<std::int64_t>(known) * block_, block_);
+  first_ = next_index();
   filled_ = 0;
 }
 

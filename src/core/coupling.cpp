@@ -103,7 +103,7 @@ CouplingSide side_of(const LevelSums& s) {
   const auto n = static_cast<double>(s.count);
   const double mean = s.difference / n;
   const double m2 = s.square - n * mean * mean;
-  return {s.count, mean, m2 < 0 ? 0 : m2, std::sqrt(std::sqrt(s.fourth)) + std::abs(mean)};
+  return {s.count, mean, m2 < 0 ? 0 : m2, std::sqrt(std::sqrt(s.fourth) / s.unit) + std::abs(mean)};
 }
 
 bool enough(const CouplingSide& s) { return s.count >= fewest_draws && std::isfinite(s.m2) && std::isfinite(s.mean); }
@@ -235,20 +235,24 @@ std::string text_of(const Coupling& c) {
   return "WRONG at level " + std::to_string(c.level) + ", see warning";
 }
 
-std::string warning_of(const Coupling& c) {
+std::optional<Warning> warning_of(const Coupling& c) {
   if (c.state == Coupling::State::wrong) {
-    return "wrong coupling: the coarse partner of level " + std::to_string(c.level) +
-           " does not have the mean of the level below (" + figure(c.z) + " standard errors apart, by chance at most " +
-           figure(c.threshold) +
-           "), so every estimate from this sequence is biased; are fine and coarse exchanged, or do levels not start "
-           "at 0?";
+    return Warning{
+        WarningCode::coupling,
+        "wrong coupling: the coarse partner of level " + std::to_string(c.level) +
+            " does not have the mean of the level below (" + figure(c.z) +
+            " standard errors apart, by chance at most " + figure(c.threshold) +
+            "), so every estimate from this sequence is biased; are fine and coarse exchanged, or do levels not start "
+            "at 0?"};
   }
   if (c.all_equal) {
-    return "all differences are exactly zero, though numbers were drawn and deep levels vary as much as the base: "
-           "either "
-           "the base is unbiased already, or all draws of a level are one and the same (a stream that was copied).";
+    return Warning{
+        WarningCode::zero_differences,
+        "all differences are exactly zero, though numbers were drawn and deep levels vary as much as the base: "
+        "either "
+        "the base is unbiased already, or all draws of a level are one and the same (a stream that was copied)."};
   }
-  return {};
+  return std::nullopt;
 }
 
 void detail::refuse_work(std::int64_t level, double work) {

@@ -6,12 +6,13 @@
 #include <exception>
 #include <limits>
 #include <new>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
 
-#include "core/ranks.hpp"
+#include "core/communicator.hpp"
 #include "core/text.hpp"
 
 namespace debias {
@@ -20,10 +21,10 @@ namespace {
 constexpr double save_interval = 1;  // seconds
 
 // What all ranks of a run must have in common.
-std::string description(const Plan& plan, const Identity& identity, std::int64_t chunk) {
+std::string description(const Plan& plan, const Identity& identity, const detail::Pieces& pieces) {
   std::string text = identity.estimator + identity.name;
-  for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, chunk,
-                               static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
+  for (const std::int64_t x : {static_cast<std::int64_t>(plan.seed), plan.first, plan.samples, pieces.chunk,
+                               pieces.block, static_cast<std::int64_t>(plan.earlier ? 1 : 0)}) {
     text += ' ' + std::to_string(x);
   }
   return text;
@@ -39,6 +40,8 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.seed = seed;
   s.first = state.first();
   s.samples = state.last() - state.first();
+  s.block = state.block();
+  s.blocks = s.samples / s.block;
   s.moments = sums.moments;
   s.work = sums.work + state.pilot.work;
   s.seconds = state.seconds + state.pilot.seconds;
@@ -50,10 +53,11 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.upper_tail = state.extremes.upper_tail();
   s.lower_tail = state.extremes.lower_tail();
 
-  const auto n = static_cast<double>(s.samples);
+  const auto n = static_cast<double>(s.blocks);
   const auto add_component = [&](double mean, double m2) {
-    const double variance = s.samples < 2 ? nan : m2 / (n - 1);
-    s.components.push_back({s.nonfinite > 0 ? nan : mean, variance, std::sqrt(variance / n)});
+    const double variance = s.blocks < 2 ? nan : m2 / (n - 1);
+    s.components.push_back(
+        {s.nonfinite > 0 ? nan : mean, variance * static_cast<double>(s.block), std::sqrt(variance / n)});
   };
   if (sums.components.entries().empty()) {
     add_component(sums.moments.mean, sums.moments.m2);
@@ -65,7 +69,7 @@ Statistics finish(std::uint64_t seed, RunState state) {
     if (l.count == 0) return;
     const auto count = static_cast<double>(l.count);
     s.levels.push_back({levels.first, levels.second, is_base, l.count, l.difference / count, l.square / count,
-                        l.fourth / count, l.work / count, 0.0});
+                        l.kurtosis(), l.work / count, 0.0});
   };
   add_row({sums.levels.base_level(), sums.levels.base_level()}, true, sums.levels.base());
   for (std::size_t i = 0; i < sums.levels.rows().size(); ++i) {
@@ -75,56 +79,72 @@ Statistics finish(std::uint64_t seed, RunState state) {
   return s;
 }
 
+// "131072 samples", "2048 blocks of 64 samples"
+std::string count_text(const Statistics& s) {
+  if (s.block == 1) return std::to_string(s.samples) + " samples";
+  return std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) + " samples";
+}
+
+// What one of its values comes from.
+std::string one_text(const Statistics& s) {
+  return s.block == 1 ? "one sample" : "one block of " + std::to_string(s.block) + " samples";
+}
+
 std::string percent(double share) { return std::to_string(std::lround(100 * share)) + " %"; }
 
 void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
+  const auto warn = [&s](WarningCode code, std::string text) { s.warnings.push_back({code, std::move(text)}); };
   if (s.nonfinite > 0) {
-    s.warnings.push_back(std::to_string(s.nonfinite) + " of " + std::to_string(s.samples) +
-                         " samples are not finite, so the mean is not a number; replay the first: seed " + seed +
-                         ", sample " + std::to_string(s.first_nonfinite) + ".");
+    warn(WarningCode::nonfinite_samples, std::to_string(s.nonfinite) + " of " + count_text(s) +
+                                             " are not finite, so the mean is not a number; replay the first: seed " +
+                                             seed + ", sample " + std::to_string(s.first_nonfinite) + ".");
     return;
   }
-  if (s.samples < 2) {
-    s.warnings.emplace_back("one sample has no standard error; run at least two.");
+  if (s.blocks < 2) {
+    warn(WarningCode::one_sample, one_text(s) + " has no standard error; run at least two.");
     return;
   }
   const auto has_mean = [](const ComponentEstimate& c) { return std::isfinite(c.mean); };
   if (!std::all_of(s.components.begin(), s.components.end(), has_mean)) {
-    s.warnings.emplace_back("the sum of these samples overflows, so the mean is not a number; scale the values.");
+    warn(WarningCode::mean_overflow,
+         "the sum of these samples overflows, so the mean is not a number; scale the values.");
     return;
   }
   if (!std::isfinite(s.total_error())) {
-    s.warnings.emplace_back("squares of these samples overflow, so there is no standard error; scale the values.");
+    warn(WarningCode::square_overflow,
+         "squares of these samples overflow, so there is no standard error; scale the values.");
     return;
   }
   const double highest = s.upper_tail.front();
   const double lowest = s.lower_tail.front();
   if (highest == lowest && (s.components.size() == 1 || s.total_error() == 0)) {
-    s.warnings.push_back("all " + std::to_string(s.samples) +
-                         " samples are equal, so the standard error says nothing: a value that comes up less than "
-                         "three times in as many would not have been seen.");
+    warn(WarningCode::equal_samples,
+         "all " + count_text(s) +
+             " are equal, so the standard error says nothing: a value that comes up less than "
+             "three times in as many would not have been seen.");
     return;
   }
   constexpr double least_square = 1e-290;  // below, squares lose their digits
   if ((highest - lowest) * (highest - lowest) < least_square) {
-    s.warnings.emplace_back(
-        "squares of the deviations underflow, so the standard error is too small; scale the values.");
+    warn(WarningCode::square_underflow,
+         "squares of the deviations underflow, so the standard error is too small; scale the values.");
     return;
   }
   if (!(s.moments.m2 > 0)) return;
   const double distance = s.largest.front().value - s.moments.mean;
   const double share = distance * distance / s.moments.m2;
   // Relative error of the standard error: half that of the variance, sqrt((kurtosis - 1) / n).
-  const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.samples));
-  if (s.samples >= 100 && share > 0.1) {
-    s.warnings.push_back("one sample carries " + percent(share) +
-                         " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " +
-                         seed + ", sample " + std::to_string(s.largest.front().index) + ", level " +
-                         std::to_string(s.largest.front().level) + ".");
+  const double doubt = 0.5 * std::sqrt((s.moments.kurtosis() - 1) / static_cast<double>(s.blocks));
+  if (s.blocks >= 100 && share > 0.1) {
+    warn(WarningCode::dominant_sample,
+         one_text(s) + " carries " + percent(share) +
+             " of the variance (threshold 10 %), so the error bar may be far too small; replay it: seed " + seed +
+             ", sample " + std::to_string(s.largest.front().index) + ", level " +
+             std::to_string(s.largest.front().level) + ".");
   } else if (doubt > 0.1) {
-    s.warnings.push_back("the standard error is itself uncertain by " + percent(doubt) +
-                         " (threshold 10 %), more often too small than too large; run more samples.");
+    warn(WarningCode::uncertain_error, "the standard error is itself uncertain by " + percent(doubt) +
+                                           " (threshold 10 %), more often too small than too large; run more samples.");
   }
 }
 
@@ -133,22 +153,7 @@ void add_warnings(Statistics& s) {
 namespace detail {
 
 void check_on_all(const Plan& plan, const PlanCheck& check) {
-  if (plan.ranks == nullptr) return check(plan);
-  plan.ranks->agree("plan", [&] { check(plan); });
-}
-
-void check_plan(const Plan& plan) {
-  const auto refuse = [](const std::string& what) { throw std::invalid_argument("Plan: " + what); };
-  if (plan.samples < 1) {
-    refuse("samples = " + std::to_string(plan.samples) + " (must be at least 1); 1'000'000 is a good start");
-  }
-  if (plan.first < 0) refuse("first = " + std::to_string(plan.first) + " (an index is not negative)");
-  if (plan.first > std::numeric_limits<std::int64_t>::max() - plan.samples) {
-    refuse("first + samples does not fit 64 bits; another seed gives as many fresh samples");
-  }
-  if (plan.threads < 0) {
-    refuse("threads = " + std::to_string(plan.threads) + " (must not be negative); 0 takes all cores");
-  }
+  plan.ranks.communicator().agree("plan", [&] { check(plan); });
 }
 
 void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
@@ -172,12 +177,14 @@ void rethrow_with_sample(std::uint64_t seed, std::int64_t index) {
   std::terminate();  // not reached: report always throws
 }
 
-Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body) {
+Statistics run(const Plan& plan, const Identity& identity, const Pieces& pieces, const ChunkBody& body) {
   const auto start = std::chrono::steady_clock::now();
-  Ranks* const ranks = plan.ranks;
-  const bool leads = ranks == nullptr || ranks->leads();
-  ChunkQueue queue(chunk);
+  Communicator& ranks = plan.ranks.communicator();
+  const std::int64_t chunk = pieces.chunk;
+  const std::int64_t block = pieces.block;
+  ChunkQueue queue(chunk, block);
   queue.state.identity = identity;
+  queue.state.seed = plan.seed;
   std::int64_t known = 0;  // the extremes hold the samples of a cut chunk before it
   std::int64_t chunks = 0;
   std::vector<RunState::Range> missing;
@@ -195,7 +202,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     }
     known = state.reopen(end);
     missing = state.missing({plan.first, end});
-    std::int64_t accounted = state.total().moments.count;
+    std::int64_t accounted = state.total().moments.count * block;
     for (const auto& [first, last] : missing) {
       accounted += last - first;
       chunks += (last - 1) / chunk - first / chunk + 1;
@@ -205,18 +212,13 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
                                   " samples, and others behind it (a chunk is drawn as a whole); leave out the part");
     }
   };
-  if (ranks == nullptr) {
-    begin();
-    for (const RunState::Range& samples : missing) queue.give(samples);
-    queue.close();
-  } else {
-    ranks->agree(description(plan, identity, chunk), begin);
-  }
+  ranks.agree(description(plan, identity, pieces), begin);
   const double earlier_seconds = queue.state.seconds;
   queue.state.pilot += plan.pilot;
-  if (!leads) {
-    queue.state = RunState(chunk);
+  if (!ranks.leads()) {
+    queue.state = RunState(chunk, block);
     queue.state.identity = identity;
+    queue.state.seed = plan.seed;
   }
   const auto seconds_now = [&] {
     return earlier_seconds + std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -236,7 +238,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
   const auto tell = [&](std::int64_t drawn) {
     if (plan.save && seconds_now() >= next_save) save();
     if (!plan.progress || plan.progress(drawn)) return;
-    if (plan.save && ranks != nullptr) save();  // a rank that has died says nothing any more, and all wait for it
+    if (plan.save) save();  // at once: a rank that has died says nothing any more, and all wait for it
     throw Interrupted("estimate: interrupted by the caller");
   };
 
@@ -248,7 +250,8 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     for (;;) {
       const auto [first, last] = queue.take();
       if (first >= last) break;
-      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk));
+      recorder.begin_chunk(first, first / chunk == known / chunk ? known : 0, CouplingTable::looks_at(first / chunk),
+                           block);
       try {
         body(first, last, recorder);
         const Accumulator& sums = recorder.end_chunk();
@@ -287,10 +290,15 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     queue.end_thread();
   };
 
-  const int all = ranks == nullptr ? static_cast<int>(std::thread::hardware_concurrency()) : ranks->threads();
-  const auto threads =
-      std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : all, 1, std::clamp<std::int64_t>(chunks, 1, 1024));
-  std::int64_t drawing = ranks == nullptr ? 1 : 0;
+  const auto threads = std::clamp<std::int64_t>(plan.threads > 0 ? plan.threads : ranks.threads(), 1,
+                                                std::clamp<std::int64_t>(chunks, 1, 1024));
+  const bool retries = ranks.caller_draws() && threads > 1;  // what other threads gave back, behind them
+  const auto draw_here = [&] {
+    queue.begin_thread();
+    draw(plan.save || plan.progress, !retries);
+  };
+  const Communicator::Caller caller{static_cast<bool>(plan.save), tell, draw_here};
+  std::int64_t drawing = ranks.caller_draws() ? 1 : 0;
   {
     std::vector<std::jthread> helpers;
     for (; drawing < threads; ++drawing) {
@@ -298,7 +306,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       try {
         queue.begin_thread();
         begun = true;
-        helpers.emplace_back([&draw, ranks] { draw(false, ranks != nullptr); });
+        helpers.emplace_back([&draw, retries] { draw(false, !retries); });
       } catch (...) {  // the machine has no more threads: those that are there do it all
         if (begun) queue.end_thread();
         if (drawing == 0) {
@@ -309,22 +317,16 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
         break;
       }
     }
-    if (ranks == nullptr) {
-      queue.begin_thread();
-      draw(plan.save || plan.progress, threads == 1);
-    } else {  // the caller serves the others, so that neither waits for a long sample of the other
-      ranks->serve(queue, missing, static_cast<bool>(plan.save), tell);
-    }
+    ranks.serve(queue, missing, caller);
   }
-  if (gave_up && ranks == nullptr && threads > 1) {  // draws what was given back
+  if (gave_up && retries) {
     queue.begin_thread();
     draw(plan.save || plan.progress, true);
   }
-  const auto seal = [&] {
+  ranks.end(queue, [&] {
     if (plan.save) save();
     queue.state.seconds = seconds_now();
-  };
-  ranks == nullptr ? seal() : ranks->end(queue, seal);
+  });
   bool short_of_memory = false;
   if (queue.failure) {
     try {
@@ -333,7 +335,7 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
       throw;
     } catch (const std::bad_alloc&) {
       if (queue.failed_index != ChunkQueue::no_index) rethrow_with_sample(plan.seed, queue.failed_index);
-      if (ranks != nullptr || threads == 1) throw;
+      if (!retries) throw;
       short_of_memory = true;
     } catch (...) {
       if (queue.failed_index == ChunkQueue::no_index) throw;
@@ -341,71 +343,63 @@ Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, c
     }
   }
   if (short_of_memory) {  // the threads took it from one another: alone, one may have enough, for the same bits
-    queue.state = RunState(chunk);
+    queue.state = RunState(chunk, block);
     Plan alone = plan;
     alone.threads = 1;
-    Statistics statistics = run(alone, identity, chunk, body);
+    Statistics statistics = run(alone, identity, pieces, body);
     statistics.fewer_threads = 1;
-    statistics.warnings.push_back(fewer_threads_text(1));
+    statistics.warnings.push_back(fewer_threads_warning(1));
     return statistics;
   }
   queue.state.identity = identity;  // with its type, also where the sums came from another rank
   Statistics statistics = finish(plan.seed, std::move(queue.state));
-  if (statistics.moments.count != plan.samples) {
-    throw std::logic_error("estimate: " + std::to_string(statistics.moments.count) + " of " +
+  if (statistics.moments.count * block != plan.samples) {
+    throw std::logic_error("estimate: " + std::to_string(statistics.moments.count * block) + " of " +
                            std::to_string(plan.samples) +
                            " samples are in the sums (a defect of debias); please report it");
   }
   add_warnings(statistics);
   if (drawing < threads) {
     statistics.fewer_threads = static_cast<int>(drawing);
-    statistics.warnings.push_back(fewer_threads_text(statistics.fewer_threads));
+    statistics.warnings.push_back(fewer_threads_warning(statistics.fewer_threads));
   }
   return statistics;
 }
 
-std::string fewer_threads_text(int threads) {
-  return "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
-         " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
-         "longer.";
-}
-
-void check_goal(const Goal& goal) {
-  int wishes = 0;
-  for (const auto& [name, value] :
-       {std::pair("error", goal.error), {"relative_error", goal.relative_error}, {"seconds", goal.seconds}}) {
-    if (value == 0) continue;
-    ++wishes;
-    if (value > 0 && std::isfinite(value)) continue;
-    throw std::invalid_argument("Goal: " + std::string(name) + " = " + format("%f", value) +
-                                " (must be positive and finite)");
-  }
-  if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
+Warning fewer_threads_warning(int threads) {
+  return {
+      WarningCode::threads,
+      "only " + std::to_string(threads) + (threads == 1 ? " thread" : " threads") +
+          " could be had (of what a machine or a limit such as ulimit grants); the numbers are the same, the time is "
+          "longer."};
 }
 
 namespace {
 
-// Samples that carry the variance.
+// Samples, or blocks, that carry the variance.
 double hits_of(const Statistics& s) {
   const double excess = s.moments.kurtosis() - 1;
-  return excess > 0 ? static_cast<double>(s.samples) / excess : static_cast<double>(s.samples);
+  return excess > 0 ? static_cast<double>(s.blocks) / excess : static_cast<double>(s.blocks);
 }
 
-// The samples that a pilot asks for.
-double wanted_samples(const Goal& goal, const Statistics& pilot, double spent, double bias) {
+// The blocks that a pilot asks for.
+double wanted_blocks(const Goal& goal, const Statistics& pilot, double spent, double bias) {
   if (goal.seconds > 0) {
-    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.samples));
+    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.blocks));
   }
-  const auto n = static_cast<double>(pilot.samples);
-  // Of the variance: with the aim below the wish, two errors.
-  const double doubt = 1 / std::sqrt(std::max(hits_of(pilot), 1.0));
+  const auto n = static_cast<double>(pilot.blocks);
+  const double doubt = 2 / std::sqrt(std::max(hits_of(pilot), 4.0));  // two errors of the variance
   const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
   double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.norm();
   // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
   if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
   const double error = Goal::aim * wish;
   if (variance == 0) return 2;
-  return variance / (error * error);
+  const double wanted = variance / (error * error);
+  // Few samples state an error that varies more than the aim leaves room for: one in twenty may miss.
+  constexpr double one_in_twenty = 1.645;
+  const double varies = one_in_twenty / std::sqrt(wanted * std::min(1.0, hits_of(pilot) / n));
+  return std::max(wanted, variance / (wish * wish) * (1 + varies));
 }
 
 }  // namespace
@@ -431,77 +425,99 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
 
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.norm())) return;
-  s.warnings.emplace_back(
-      "the standard error is below the rounding of single-precision values, which may have moved "
-      "the mean by more; compute the values in double.");
+  s.warnings.push_back({WarningCode::single_precision,
+                        "the standard error is below the rounding of single-precision values, which may have moved "
+                        "the mean by more; compute the values in double."});
 }
 
 void judge_coupling(Statistics& s, double epsilon) {
   const Accumulator sums = s.state.total();
   s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
-  const std::string warning = warning_of(s.coupling);
-  if (!warning.empty()) s.warnings.insert(s.warnings.begin(), warning);
+  const std::optional<Warning> warning = warning_of(s.coupling);
+  if (warning) s.warnings.insert(s.warnings.begin(), *warning);
 }
 
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& body, const PlanCheck& check,
+Plan plan_from(const RunState& state, Plan plan) {
+  if (state.last() > 0) {
+    if (!state.seed) throw std::invalid_argument("extend: samples of no known seed; set `seed` of their state");
+    plan.seed = *state.seed;
+    plan.first = state.first();
+    if (plan.goal.asked()) plan.samples = state.last() - state.first();  // at least
+  }
+  plan.earlier = std::make_shared<RunState>(state);
+  return plan;
+}
+
+Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body, const PlanCheck& check,
                    const std::function<double(const Statistics&)>& bias) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
-  constexpr std::int64_t most_pilot_samples = std::int64_t{1} << 22;
+  constexpr std::int64_t most_pilot_blocks = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
   constexpr double enough_hits = 32;   // of a pilot: it knows the variance to a third
-  constexpr double most_samples = 0x1p46;
+  constexpr double most_blocks = 0x1p46;
   check_goal(plan.goal);
+  const std::int64_t block = pieces.block;
   Plan pilot = plan;
   // Where `samples` says that the run is short, so is the pilot.
-  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples;
-  pilot.samples = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
+  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples / block;
+  std::int64_t pilot_blocks = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
   pilot.save = {};
   pilot.earlier = {};
   pilot.pilot = {};
   PilotCost spent;
-  const auto planned = [&](std::int64_t samples) {
+  const auto planned = [&](std::int64_t blocks) {
     Plan result = plan;
-    result.samples = samples;
+    result.samples = blocks * block;
     result.pilot += spent;
-    if (plan.earlier) result.samples = std::max(samples, plan.samples);  // fixed before those were drawn
+    if (plan.earlier) result.samples = std::max(result.samples, plan.samples);  // fixed before those were drawn
     return result;
   };
   for (;;) {
+    pilot.samples = pilot_blocks * block;
     check_on_all(pilot, check);
-    const Statistics s = run(pilot, {.estimator = "pilot"}, chunk, body);
-    spent += {s.work, s.seconds};
-    const double wanted = wanted_samples(plan.goal, s, spent.seconds, bias(s));
+    const Statistics s = run(pilot, {.estimator = "pilot"}, pieces, body);
+    spent = {s.work, s.seconds};
+    const double wanted = wanted_blocks(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
-      return planned(s.samples);
+      return planned(s.blocks);
     }
     if (plan.goal.seconds == 0) {
       // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
-      const auto have = static_cast<double>(s.samples);
+      const auto have = static_cast<double>(s.blocks);
       const bool equal = !(s.moments.m2 > 0);
       const bool unknown_mean = plan.goal.relative_error > 0 && !(s.norm() > 3 * s.total_error());
       const bool rare = hits_of(s) < enough_hits && have < wanted;
-      const std::int64_t most =
-          equal ? std::int64_t{1} << 16 : std::clamp(16 * plan.samples, std::int64_t{1} << 16, most_pilot_samples);
-      if ((equal || unknown_mean || rare) && s.samples < most) {
-        pilot.samples = std::min(most, 4 * s.samples);
+      const std::int64_t most = equal
+                                    ? std::int64_t{1} << 16
+                                    : std::clamp(16 * (plan.samples / block), std::int64_t{1} << 16, most_pilot_blocks);
+      if ((equal || unknown_mean || rare) && s.blocks < most) {
+        pilot_blocks = std::min(most, 2 * s.blocks);
+        pilot.earlier = std::make_shared<RunState>(s.state);
         continue;
       }
-      if (unknown_mean) return planned(s.samples);  // the result says that its mean is not told from 0
+      if (unknown_mean) return planned(s.blocks);  // the result says that its mean is not told from 0
     }
     // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
-    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_samples));
-    if (next < 4 * static_cast<double>(pilot.samples)) {
-      if (!(wanted < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + format("%f", wanted) + " samples (does not fit 64 bits)");
+    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_blocks));
+    if (next < 4 * static_cast<double>(pilot_blocks)) {
+      const double samples = wanted * static_cast<double>(block);
+      if (!(samples < 0x1p62)) {
+        throw std::invalid_argument("Goal: it takes " + format("%f", samples) + " samples (does not fit 64 bits)");
       }
-      if (wanted > most_samples) {
-        throw std::invalid_argument("Goal: it takes " + format("%.3g", wanted) + " samples (about " +
-                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.samples)) +
+      if (wanted > most_blocks) {
+        throw std::invalid_argument("Goal: it takes " + format("%.3g", samples) + " samples (about " +
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) +
                                     " seconds); ask for a larger error");
       }
-      return planned(std::max(plan.goal.seconds > 0 ? 2 : fewest, static_cast<std::int64_t>(std::ceil(wanted))));
+      if (plan.goal.seconds > 0)
+        return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
+      // What the pilots have cost is worth a run of that length.
+      const double as_pilots = (plan.pilot.work + s.work) / std::max(s.work / static_cast<double>(s.blocks), 1e-300);
+      const double least = std::min(as_pilots, most_blocks);
+      return planned(std::max(fewest, static_cast<std::int64_t>(std::ceil(std::max(wanted, least)))));
     }
-    pilot.samples = static_cast<std::int64_t>(next);
+    pilot_blocks = static_cast<std::int64_t>(next);
+    pilot.earlier = std::make_shared<RunState>(s.state);
   }
 }
 

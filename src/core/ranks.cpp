@@ -1,120 +1,53 @@
-#include "core/ranks.hpp"
+#include <debias/core/ranks.hpp>
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 
-namespace debias::detail {
+#include "core/communicator.hpp"
 
-void ChunkQueue::give(const Range& samples) {
-  const std::lock_guard lock(mutex_);
-  samples_.push_back(samples);
-  more_.notify_all();
-}
+namespace debias {
+namespace {
 
-void ChunkQueue::give_back(const Range& samples) noexcept {
-  const std::lock_guard lock(mutex_);
-  returned_.push_back(samples);
-  more_.notify_all();
-}
-
-void ChunkQueue::close() {
-  const std::lock_guard lock(mutex_);
-  closed_ = true;
-  more_.notify_all();
-}
-
-ChunkQueue::Range ChunkQueue::take() {
-  std::unique_lock lock(mutex_);
-  if (!returned_.empty() && returned_.back().first < look_.limit) {
-    const Range chunk = returned_.back();
-    returned_.pop_back();
-    return chunk;
+/// A process alone: it agrees with itself, and the thread that called draws.
+class OneProcess final : public detail::Communicator {
+ public:
+  [[nodiscard]] int size() const override { return 1; }
+  [[nodiscard]] bool leads() const override { return true; }
+  [[nodiscard]] int threads() const override {
+    return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
-  if (samples_.empty() && !closed_) {
-    ++waiting_;
-    news_pending_ = true;
-    news_.notify_one();
-    more_.wait(lock, [this] { return closed_ || !samples_.empty(); });
-    --waiting_;
+  [[nodiscard]] bool caller_draws() const override { return true; }
+  void agree(const std::string& /*text*/, const std::function<void()>& begin) override { begin(); }
+  Bytes share(const std::function<Bytes()>& make) override { return make(); }
+  void leave(std::exception_ptr /*failure*/) override {}
+  void serve(detail::ChunkQueue& queue, const std::vector<detail::ChunkQueue::Range>& samples,
+             const Caller& caller) override {
+    try {
+      for (const detail::ChunkQueue::Range& some : samples) queue.give(some);
+    } catch (...) {  // threads wait for an end
+      queue.interrupt(std::current_exception());
+    }
+    queue.close();
+    caller.draw();
   }
-  if (samples_.empty() || samples_.front().first >= look_.limit) return {0, 0};
-  auto& [first, last] = samples_.front();
-  const std::int64_t begin = first;
-  const std::int64_t left_in_chunk = state.chunk() - begin % state.chunk();
-  first = last - begin > left_in_chunk ? begin + left_in_chunk : last;
-  const std::int64_t end = first;
-  if (first == last) samples_.pop_front();
-  return {begin, end};
+  void end(detail::ChunkQueue& /*queue*/, const std::function<void()>& seal) override { seal(); }
+};
+
+const std::shared_ptr<detail::Communicator>& one_process() {
+  static const std::shared_ptr<detail::Communicator> alone = std::make_shared<OneProcess>();
+  return alone;
 }
 
-void ChunkQueue::add(const Range& samples, const Accumulator& sums, Extremes& extremes) {
-  const std::lock_guard lock(mutex_);
-  state.add_chunk(samples.first, samples.second, sums);
-  extremes.hand_over(state.extremes);
-  look_.drawn += samples.second - samples.first;
-}
+}  // namespace
 
-void ChunkQueue::fail(std::int64_t index, std::exception_ptr why) {
-  const std::lock_guard lock(mutex_);
-  look_.limit = std::min(look_.limit, index);
-  if (index >= failed_index) return;
-  failed_index = index;
-  failure = std::move(why);
-}
+Ranks::Ranks() : communicator_(one_process()) {}
 
-void ChunkQueue::interrupt(std::exception_ptr why) {
-  const std::lock_guard lock(mutex_);
-  look_.limit = 0;
-  if (!failure) failure = std::move(why);
-}
+Ranks::Ranks(std::shared_ptr<detail::Communicator> communicator)
+    : communicator_(communicator ? std::move(communicator) : one_process()) {}
 
-void ChunkQueue::stop_at(std::int64_t index) {
-  const std::lock_guard lock(mutex_);
-  look_.limit = std::min(look_.limit, index);
-}
+int Ranks::size() const { return communicator_->size(); }
 
-RunState ChunkQueue::finished() const {
-  const std::lock_guard lock(mutex_);
-  return state;
-}
+bool Ranks::leads() const { return communicator_->leads(); }
 
-RunState ChunkQueue::take_finished() {
-  const std::lock_guard lock(mutex_);
-  RunState empty(state.chunk());
-  empty.identity = state.identity;
-  return std::exchange(state, std::move(empty));
-}
-
-void ChunkQueue::merge(const RunState& sums) {
-  const std::lock_guard lock(mutex_);
-  state.merge(sums);
-}
-
-void ChunkQueue::begin_thread() {
-  const std::lock_guard lock(mutex_);
-  returned_.reserve(begun_ + 1);
-  ++begun_;
-  ++look_.threads;
-}
-
-void ChunkQueue::end_thread() {
-  const std::lock_guard lock(mutex_);
-  --look_.threads;
-  news_pending_ = true;
-  news_.notify_one();
-}
-
-ChunkQueue::Look ChunkQueue::look() const {
-  const std::lock_guard lock(mutex_);
-  Look now = look_;
-  now.hungry = waiting_ > 0 && samples_.empty() && !closed_;
-  return now;
-}
-
-void ChunkQueue::wait(std::chrono::microseconds time) {
-  std::unique_lock lock(mutex_);
-  news_.wait_for(lock, time, [this] { return news_pending_; });
-  news_pending_ = false;
-}
-
-}  // namespace debias::detail
+}  // namespace debias

@@ -1,128 +1,15 @@
 #include <debias/core/result.hpp>
 
 #include <algorithm>
-#include <bit>
-#include <charconv>
 #include <cmath>
 #include <limits>
-#include <ostream>
 #include <string>
-#include <string_view>
 
 #include <boost/math/distributions/students_t.hpp>
 
 #include "core/text.hpp"
 
 namespace debias {
-
-RunState::RunState(std::int64_t chunk) : chunk_(chunk) {
-  if (chunk > 0 && std::has_single_bit(static_cast<std::uint64_t>(chunk))) return;
-  throw std::invalid_argument("chunk = " + std::to_string(chunk) + " (must be a power of two)");
-}
-
-void Identity::demand_same(const Identity& other, const std::string& who) const {
-  if (!known() || !other.known()) return;
-  const auto refuse = [&who](const std::string& what) {
-    throw std::invalid_argument(who + ": two different estimators " + what);
-  };
-  if (estimator != other.estimator) refuse("(" + estimator + ", and " + other.estimator + ")");
-  if (name != other.name) {
-    const auto quoted = [](const std::string& text) { return text.empty() ? "no name" : "'" + text + "'"; };
-    refuse("(they have the names " + quoted(name) + " and " + quoted(other.name) + ")");
-  }
-  if (type != nullptr && other.type != nullptr && *type != *other.type) {
-    refuse("(both call themselves '" + estimator + "', but they are of two types: other functions, or other data)");
-  }
-}
-
-void RunState::add_chunk(std::int64_t first, std::int64_t last, const Accumulator& sums) {
-  const bool complete = first % chunk_ == 0 && last - first == chunk_;
-  insert(first, Node{last, complete ? 1 : 0, sums});
-}
-
-// Puts a node into the tree and joins it with its neighbour as long as the two are the halves of one parent.
-void RunState::insert(std::int64_t first, Node node) {
-  const auto next = nodes_.lower_bound(first);
-  const bool overlaps_next = next != nodes_.end() && next->first < node.last;
-  const bool overlaps_previous = next != nodes_.begin() && std::prev(next)->second.last > first;
-  if (overlaps_next || overlaps_previous) {
-    throw std::invalid_argument("merge: both results hold sample " +
-                                std::to_string(overlaps_next ? next->first : first) +
-                                " (a sample may count once only); give the second run another `first`");
-  }
-  while (node.chunks > 0) {
-    const std::int64_t width = node.chunks * chunk_;
-    const bool is_left = first / width % 2 == 0;
-    const auto sibling = nodes_.find(is_left ? first + width : first - width);
-    if (sibling == nodes_.end() || sibling->second.chunks != node.chunks) break;
-    if (is_left) {
-      node.sums.merge(sibling->second.sums);
-      node.last = sibling->second.last;
-    } else {
-      sibling->second.sums.merge(node.sums);
-      node.sums = std::move(sibling->second.sums);
-      first = sibling->first;
-    }
-    node.chunks *= 2;
-    nodes_.erase(sibling);
-  }
-  nodes_.emplace(first, std::move(node));
-}
-
-void RunState::merge(const RunState& other) {
-  if (chunk_ != other.chunk_) {
-    throw std::invalid_argument("merge: chunks of " + std::to_string(chunk_) + " and of " +
-                                std::to_string(other.chunk_) + " samples (not one estimator)");
-  }
-  identity.demand_same(other.identity, "merge");
-  for (const auto& [first, node] : other.nodes_) insert(first, node);
-  if (!identity.known()) identity = other.identity;
-  if (identity.type == nullptr) identity.type = other.identity.type;
-  extremes.merge(other.extremes);
-  seconds += other.seconds;
-  pilot += other.pilot;
-}
-
-std::vector<RunState::Range> RunState::missing(Range range) const {
-  std::vector<Range> gaps;
-  std::int64_t position = range.first;
-  for (const auto& [begin, node] : nodes_) {
-    if (node.last % chunk_ != 0 && node.last < range.second) continue;  // cut
-    if (begin > position) gaps.emplace_back(position, begin);
-    position = node.last;
-  }
-  if (position < range.second) gaps.emplace_back(position, range.second);
-  return gaps;
-}
-
-std::int64_t RunState::reopen(std::int64_t end) {
-  if (nodes_.empty()) return 0;
-  const auto node = std::prev(nodes_.end());
-  const std::int64_t last = node->second.last;
-  if (last % chunk_ == 0 || last >= end) return 0;
-  nodes_.erase(node);
-  return last;
-}
-
-std::int64_t RunState::first() const { return nodes_.empty() ? 0 : nodes_.begin()->first; }
-
-std::int64_t RunState::last() const { return nodes_.empty() ? 0 : nodes_.rbegin()->second.last; }
-
-bool RunState::contiguous() const {
-  std::int64_t position = first();
-  for (const auto& [begin, node] : nodes_) {
-    const bool cut = begin != first() && begin % chunk_ != 0;
-    if (begin != position || cut) return false;
-    position = node.last;
-  }
-  return true;
-}
-
-Accumulator RunState::total() const {
-  Accumulator sums;
-  for (const auto& [begin, node] : nodes_) sums.merge(node.sums);
-  return sums;
-}
 
 namespace {
 
@@ -184,97 +71,6 @@ double Statistics::efficiency() const {
   double variance = 0;
   for (const ComponentEstimate& c : components) variance += c.variance;
   return static_cast<double>(samples) / (variance * seconds);
-}
-
-std::string with_error(double mean, double standard_error) {
-  if (!std::isfinite(mean)) return "not a number";
-  if (!std::isfinite(standard_error)) return format("%.6g", mean) + " (no standard error)";
-  if (standard_error <= 0) return format("%.15g", mean) + "(0)";
-  // Rounded before anything is decided: 0.0996 has the two digits 1.0e-01. The second one stands for 10^last.
-  const std::string error = format("%.1e", standard_error);
-  int last = 0;
-  const char* exponent = error.data() + error.find('e') + 1;
-  std::from_chars(exponent + (*exponent == '+' ? 1 : 0), error.data() + error.size(), last);
-  --last;
-  if (last < -15 || last > 5 || std::abs(mean) >= 1e15) {
-    return format("%.15g", mean) + " +- " + format("%.2g", standard_error);
-  }
-  const double rounded = parse_double(error, "error");
-  if (last >= 0) {
-    const double unit = std::pow(10.0, last);
-    return format("%.0f", std::round(mean / unit) * unit) + "(" + format("%.0f", rounded) + ")";
-  }
-  // the error straddles the decimal point and shows it
-  if (last == -1) return format("%.1f", mean) + "(" + format("%.1f", rounded) + ")";
-  return format({std::chars_format::fixed, -last}, mean) + "(" + error[0] + error[2] + ")";
-}
-
-std::ostream& operator<<(std::ostream& out, const Statistics& s) {
-  const auto line = [&out](const char* name, const std::string& text) {
-    out << name << std::string(14 - std::char_traits<char>::length(name), ' ') << text << '\n';
-  };
-  const RunVerdict verdict = s.verdict();
-  const bool has_verdict = s.nonfinite == 0 && s.moments.count > 1;
-  const char* doubt = has_verdict && !verdict.interval_reliable() ? " (unreliable, see verdict)" : "";
-  for (std::size_t i = 0; i < s.components.size(); ++i) {
-    const ComponentEstimate& c = s.components[i];
-    const Interval interval = s.interval(0.95, i);
-    const std::string ends =
-        std::isfinite(c.mean) && std::isfinite(c.standard_error)
-            ? "   95 % interval [" + format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt
-            : "";
-    line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + ends);
-  }
-  if (s.bias_bound.size > 0)
-    line("bias", "at most " + format("%.2g", s.bias_bound.size) + ": " + s.bias_bound.sentence);
-  if (!s.name.empty()) line("name", s.name);
-  line("estimator", s.estimator);
-  if (const std::string coupling = text_of(s.coupling); !coupling.empty()) line("coupling", coupling);
-  line("samples", std::to_string(s.samples) + ", seed " + std::to_string(s.seed) +
-                      (s.first > 0 ? ", from index " + std::to_string(s.first) : ""));
-  const bool has_pilot = s.pilot_work > 0 || s.pilot_seconds > 0;
-  const auto part = [&](const std::string& pilot) {
-    return has_pilot ? ", of that " + pilot + " by the pilot" : std::string();
-  };
-  line("work", format("%.4g", s.work) + part(format("%.4g", s.pilot_work)) + " (" +
-                   format("%.4g", s.work_per_sample()) + (has_pilot ? " per sample of the run)" : " per sample)"));
-  line("seconds", format("%.3g", s.seconds) + part(format("%.3g", s.pilot_seconds)));
-  line("efficiency", format("%.3g", s.efficiency()) + " = 1 / (variance x seconds per sample" +
-                         (has_pilot ? ", the pilot's among them)" : ")"));
-  if (s.goal.asked()) {
-    const Goal& g = s.goal;
-    // A goal is judged by numbers, and without one it is missed.
-    const auto outcome = [&](double reached, const std::string& unit) {
-      if (s.nonfinite > 0 || std::isnan(reached)) return std::string(": NOT met, there is no error to judge by");
-      if (std::isinf(reached)) return ": NOT met, no bound on the error" + unit;
-      return (s.goal_met() ? ": met, " : ": NOT met, ") + format("%.3g", reached) + unit;
-    };
-    const bool biased = s.bias_bound.size > 0;
-    const std::string parts = !biased ? ""
-                                      : " = sqrt(standard error " + format("%.2g", s.total_error()) + "^2 + bias " +
-                                            format("%.2g", s.bias_bound.size) + "^2)";
-    const std::string what = biased ? "error " : "standard error ";
-    if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s.goal_error(), parts));
-    if (g.relative_error > 0) {
-      const double norm = s.norm();
-      const bool told = norm > 3 * s.goal_error();
-      const std::string of_zero = norm == 0 ? " of a mean of 0"
-                                  : told
-                                      ? ""
-                                      : "; the mean is not told from 0, its error is " + format("%.3g", s.goal_error());
-      const double reached = norm == 0 && s.goal_error() == 0 ? 0 : s.goal_error() / norm;
-      line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
-    }
-    if (g.seconds > 0) line("goal", format("%g", g.seconds) + " seconds" + outcome(s.seconds, ""));
-  }
-  for (const std::string& warning : s.warnings) line("warning", warning);
-  if (!has_verdict) return out;
-  const char* name = "verdict";
-  for (const std::string& sentence : verdict.sentences()) {
-    line(name, sentence);
-    name = "";
-  }
-  return out;
 }
 
 }  // namespace debias

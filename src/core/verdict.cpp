@@ -9,6 +9,7 @@
 #include <debias/core/result.hpp>
 
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -41,7 +42,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
     f.draws = row.count;
     f.mean = row.mean;
     f.second_moment = row.second_moment;
-    f.fourth_moment = row.fourth_moment;
+    f.kurtosis = row.kurtosis;
     f.work = row.work;
     f.is_base = row.is_base;
     if (row.is_base) f.value_variance = std::max(0.0, row.second_moment - row.mean * row.mean);
@@ -52,7 +53,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   double size = 0;
   for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
   for (LevelFacts& f : facts) {
-    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.fourth_moment = 0;
+    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.kurtosis = 0;
     f.value_square = size;
   }
   return facts;
@@ -99,7 +100,7 @@ struct LevelsSay {
   Doubt doubt;
   double counted = 0;    // of the levels that are doubted, in the measured variance
   bool changes = false;  // levels that are not yet typical
-  std::vector<std::string> reasons;
+  std::vector<Warning> reasons;
 };
 
 Finiteness by_chance(double diverges) {
@@ -141,7 +142,8 @@ LevelsSay levels_say(const Statistics& s) {
     for (const LevelFacts& f : run) {
       if (f.is_base || !std::binary_search(say.doubt.levels.begin(), say.doubt.levels.end(), f.level)) continue;
       const double p = masses.mass[static_cast<std::size_t>(f.level - masses.first_level)];
-      say.counted += static_cast<double>(f.draws) * f.second_moment / (p * members * p * members);
+      say.counted += static_cast<double>(f.draws) * part_in_variance(f.second_moment, f.mean, p, say.doubt.mu) /
+                     (p * members * members);
     }
   }
   if (!l.available) return say;
@@ -173,8 +175,7 @@ LevelsSay levels_say(const Statistics& s) {
 bool heavy_base(const std::vector<LevelRow>& rows) {
   for (const LevelRow& row : rows) {
     if (!row.is_base || !(row.second_moment > 0)) continue;
-    const double kurtosis = row.fourth_moment / (row.second_moment * row.second_moment);
-    if (static_cast<double>(row.count) < draws_per_kurtosis_of_base * kurtosis) return true;
+    if (static_cast<double>(row.count) < draws_per_kurtosis_of_base * row.kurtosis) return true;
   }
   return false;
 }
@@ -318,11 +319,6 @@ std::string tails_text(const RunVerdict& v) {
   return side(v.upper, "largest") + " and " + side(v.lower, "smallest") + " values";
 }
 
-std::string levels_text(std::int64_t first, std::int64_t last) {
-  return first == last ? "level " + std::to_string(first)
-                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
-}
-
 std::string evidence_text(const RunVerdict& v) {
   const LevelEvidence& l = v.levels;
   if (!l.available) {
@@ -330,7 +326,82 @@ std::string evidence_text(const RunVerdict& v) {
     return tails_text(v);
   }
   if (std::isinf(l.tail_index)) return "every difference is zero beyond some level";
-  return levels_text(l.first_level, l.last_level) + (l.contradicted ? ", which deeper ones contradict" : "");
+  return levels_words(l.first_level, l.last_level) + (l.contradicted ? ", which deeper ones contradict" : "");
+}
+
+// ", where it grows by 0.5 octaves a level": of the terms of the variance, which diverge.
+std::string growth_text(const LevelEvidence& l) {
+  if (!l.available || !std::isfinite(l.growth)) return {};
+  const std::string unit = l.polynomial ? " octaves an octave of the level" : " octaves a level";
+  const std::string size = format("%.2g", std::abs(l.growth));
+  if (l.growth > 0 && size != "0") return ", where it grows by " + size + unit;
+  if (l.growth < 0 && size != "0") return ", where it falls by no more than " + size + unit;
+  return ", where it does not fall";
+}
+
+// What to do about an infinite variance.
+std::string way_out(const RunVerdict& v) {
+  const LevelEvidence& l = v.levels;
+  const double bound = l.polynomial ? l.beta - 1 : l.beta;
+  const double least = l.polynomial ? 1 : 0;  // below it masses have no sum
+  if (l.available && std::isfinite(bound) && l.beta > l.beta_error) {
+    if (bound > least) {
+      return "take a PMF that falls more slowly, with exponent below " + format("%.2f", bound) +
+             ", as long as its work is finite.";
+    }
+    return "no PMF falls slowly enough; a better coupling or a smoother integrand may help, or `truncated`.";
+  }
+  if (l.available && std::isfinite(bound)) {
+    return l.beta > 0
+               ? "its differences hardly fall; take a PMF that falls much more slowly, or a better coupling."
+               : "its differences do not fall, which no PMF mends; a better coupling or a smoother integrand may.";
+  }
+  if (v.grade == Grade::likely && !l.available) {
+    return "a lognormal looks the same; replay the largest samples to find the cause.";
+  }
+  return "replay the largest samples to find the cause: a PMF that falls too fast is the usual one.";
+}
+
+// What the interval lacks.
+std::string why_unreliable(const RunVerdict& v) {
+  if (v.unseen_share > half) return "most of its variance is in levels that were hardly drawn";
+  if (std::isfinite(v.degrees)) {
+    return "its variance is known like that of " + format("%.0f", v.degrees + 1) + " values";
+  }
+  if (!std::isfinite(v.kurtosis)) return "its variance is not known";
+  const double hits = static_cast<double>(v.samples) / std::max(1.0, v.kurtosis);
+  return "about " + format("%.2g", hits) + " of " + std::to_string(v.samples) + " samples carry the variance";
+}
+
+// An infinite mean, and not by chance only.
+bool infinite_mean(const RunVerdict& v) {
+  return v.variance == Finiteness::infinite && std::isfinite(v.tail_index) && v.tail_index - v.error > 1;
+}
+
+std::string graded(const RunVerdict& v) {
+  return v.grade == Grade::open ? "" : std::string(" (") + name_of(v.grade) + ")";
+}
+
+std::string about_variance(const RunVerdict& v) {
+  std::string known = evidence_text(v);
+  if (v.levels.available && v.unseen_share >= 0.005) {
+    known += "; " + format("%.0f", 100 * std::sqrt(v.unseen_share)) + " % of the error is from levels not seen";
+  }
+  switch (v.variance) {
+    case Finiteness::finite:
+      return "variance finite" + graded(v) + (v.levels.available ? ": " : " as far as these values reach: ") + known +
+             ".";
+    case Finiteness::infinite:
+      return "variance INFINITE" + graded(v) + ": " + known + growth_text(v.levels) +
+             (infinite_mean(v) ? ", so even the mean is infinite; "
+                               : ", so the standard error is too small most of the time; ") +
+             way_out(v);
+    case Finiteness::undecided:
+      break;
+  }
+  return "variance open: " + known +
+         ", so the interval may be too narrow; take more samples; a survey of the levels, if there are any, tells "
+         "sooner.";
 }
 
 }  // namespace
@@ -407,11 +478,13 @@ RunVerdict judge(const Statistics& s) {
   if (s.nonfinite == 0 && std::isfinite(s.moments.m2)) {
     say = levels_say(s);
     v.levels = say.levels;
+    v.reasons = say.reasons;
     const double missing = std::max(0.0, say.doubt.unseen + say.doubt.undrawn - say.counted);
-    if (has_levels && std::isfinite(say.doubt.degrees)) {
+    // Strata may have made the measured part smaller than its levels add up to.
+    const double all = missing + std::pow(s.moments.standard_error(), 2);
+    const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(s.moments.mean);
+    if (has_levels && std::isfinite(say.doubt.degrees) && all > rounding * rounding) {
       v.unseen_variance = missing;
-      // Strata may have made the measured part smaller than its levels add up to.
-      const double all = missing + std::pow(s.moments.standard_error(), 2);
       v.unseen_share = all > 0 ? std::min(missing, say.doubt.unseen) / all : 0;
       v.degrees = say.doubt.degrees;
     }
@@ -429,51 +502,22 @@ bool RunVerdict::interval_reliable() const {
   return std::isfinite(degrees) || static_cast<double>(samples) >= draws_per_kurtosis * kurtosis;
 }
 
+std::string RunVerdict::sentence() const {
+  if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this);
+  return "variance finite" + graded(*this) + (levels.available ? "" : " as far as these values reach") +
+         ", but the interval is unreliable: " + why_unreliable(*this) + "; take more samples.";
+}
+
 std::vector<std::string> RunVerdict::sentences() const {
-  std::vector<std::string> all;
-  const std::string graded = grade == Grade::open ? "" : std::string(" (") + name_of(grade) + ")";
-  std::string known = evidence_text(*this);
-  if (levels.available && unseen_share >= 0.005) {
-    known += "; " + format("%.0f", 100 * std::sqrt(unseen_share)) + " % of the error is from levels not seen";
-  }
-  switch (variance) {
-    case Finiteness::finite:
-      all.push_back("variance finite" + graded + (levels.available ? ": " : " as far as these values reach: ") + known +
-                    ".");
-      break;
-    case Finiteness::infinite:
-      all.push_back("variance INFINITE" + graded + ": " + known +
-                    (levels.available && std::isfinite(levels.growth)
-                         ? ", where it grows by " + format("%.2g", levels.growth) + " octaves " +
-                               (levels.polynomial ? "an octave of the level" : "a level")
-                         : std::string()) +
-                    ", so the standard error is too small most of the time; " +
-                    (levels.available && levels.beta > 0
-                         ? "take a PMF that falls more slowly, with exponent below " +
-                               format("%.2f", levels.polynomial ? levels.beta - 1 : levels.beta) +
-                               ", as long as its work is finite."
-                     : grade == Grade::likely && !levels.available
-                         ? std::string("a lognormal looks the same; replay the largest samples to find the cause.")
-                         : std::string("replay the largest samples to find the cause: a PMF that falls too fast "
-                                       "is the usual one.")));
-      break;
-    case Finiteness::undecided:
-      all.push_back("variance open: " + known +
-                    ", so the interval may be too narrow; take more samples; a survey of the levels, if there are "
-                    "any, tells sooner.");
-      break;
-  }
+  std::vector<std::string> all = {about_variance(*this)};
   if (variance == Finiteness::finite && !interval_reliable()) {
-    std::string why = "one sample in " + format("%.2g", static_cast<double>(samples) / std::max(1.0, kurtosis)) +
-                      " carries the variance";
-    if (unseen_share > half) {
-      why = "most of its variance is in levels that were hardly drawn";
-    } else if (std::isfinite(degrees)) {
-      why = "its variance is known like that of " + format("%.0f", degrees + 1) + " values";
-    }
-    all.push_back("the interval is unreliable: " + why + "; take more samples.");
+    all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");
   }
-  if (variance == Finiteness::infinite && tail_index > usable_tail_index(samples) && tail_index < 2) {
+  if (infinite_mean(*this)) {
+    all.push_back("even the mean is infinite: tail index " + figure(tail_index) +
+                  (std::isfinite(error) ? " +- " + figure(error) : "") +
+                  " (a mean needs one below 1), and no number of samples helps.");
+  } else if (variance == Finiteness::infinite && tail_index > usable_tail_index(samples)) {
     all.push_back("even the mean is doubtful: tail index " + figure(tail_index) + " (threshold " +
                   format("%.2f", usable_tail_index(samples)) + " for " + std::to_string(samples) +
                   " samples), so it may be far off; " +

@@ -19,14 +19,16 @@
 
 #include <sched.h>
 
-#include "core/checkpoint.hpp"
-#include "core/ranks.hpp"
-#include "mpi/groups.hpp"
+#include "core/chunk_queue.hpp"
+#include "core/chunks.hpp"
+#include "core/communicator.hpp"
+#include "core/run_state_bytes.hpp"
 
 namespace debias::mpi {
 namespace {
 
 using debias::detail::ChunkQueue;
+using debias::detail::Chunks;
 using Clock = std::chrono::steady_clock;
 using std::chrono::microseconds;
 
@@ -161,12 +163,12 @@ std::exception_ptr unpack(std::span<const std::byte> bytes) {
   }
 }
 
-class Communicator final : public debias::detail::Ranks {
+class MpiRanks final : public debias::detail::Communicator {
  public:
-  explicit Communicator(MPI_Comm comm);
-  Communicator(const Communicator&) = delete;
-  Communicator& operator=(const Communicator&) = delete;
-  ~Communicator() override {
+  explicit MpiRanks(MPI_Comm comm);
+  MpiRanks(const MpiRanks&) = delete;
+  MpiRanks& operator=(const MpiRanks&) = delete;
+  ~MpiRanks() override {
     int finalized = 0;
     MPI_Finalized(&finalized);
     if (finalized != 0) return;
@@ -174,20 +176,21 @@ class Communicator final : public debias::detail::Ranks {
     MPI_Comm_free(&tree_);
   }
 
+  [[nodiscard]] int size() const override { return size_; }
   [[nodiscard]] bool leads() const override { return rank_ == 0; }
   [[nodiscard]] int threads() const override { return threads_; }
+  [[nodiscard]] bool caller_draws() const override { return false; }
   void agree(const std::string& text, const std::function<void()>& begin) override;
   Bytes share(const std::function<Bytes()>& make) override;
   void leave(std::exception_ptr failure) override;
-  void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool saves,
-             const std::function<void(std::int64_t drawn)>& tell) override;
+  void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) override;
   void end(ChunkQueue& queue, const std::function<void()>& seal) override;
 
  private:
   class Server;
   bool meet(const std::string& text, std::exception_ptr failure, bool leaves);
   void exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
-                const std::function<void(std::int64_t drawn)>& tell);
+                const Caller& caller);
   void gather(ChunkQueue& queue, const std::function<void()>& seal);
   template <class F>
   void or_abort(const F& f) const;
@@ -199,7 +202,7 @@ class Communicator final : public debias::detail::Ranks {
   int threads_ = 1;
 };
 
-Communicator::Communicator(MPI_Comm comm) {
+MpiRanks::MpiRanks(MPI_Comm comm) {
   const auto refuse = [](const std::string& why) { throw std::invalid_argument("mpi: " + why); };
   int running = 0;
   int ended = 0;
@@ -233,7 +236,7 @@ Communicator::Communicator(MPI_Comm comm) {
 
 // One round in which all ranks take part, wherever they are: false where all leave; throws the failure of the
 // first that has one.
-bool Communicator::meet(const std::string& text, std::exception_ptr failure, bool leaves) {
+bool MpiRanks::meet(const std::string& text, std::exception_ptr failure, bool leaves) {
   Bytes first = bytes_of_text(text);
   broadcast(first, 0, comm_);
   if (leaves && !failure) {
@@ -254,7 +257,7 @@ bool Communicator::meet(const std::string& text, std::exception_ptr failure, boo
   std::rethrow_exception(failure ? failure : unpack(reason));
 }
 
-void Communicator::agree(const std::string& text, const std::function<void()>& begin) {
+void MpiRanks::agree(const std::string& text, const std::function<void()>& begin) {
   std::exception_ptr failure;
   try {
     begin();
@@ -264,7 +267,7 @@ void Communicator::agree(const std::string& text, const std::function<void()>& b
   meet(text, failure, false);
 }
 
-Bytes Communicator::share(const std::function<Bytes()>& make) {
+Bytes MpiRanks::share(const std::function<Bytes()>& make) {
   Bytes bytes;
   agree("share", [&] {
     if (leads()) bytes = make();
@@ -273,7 +276,7 @@ Bytes Communicator::share(const std::function<Bytes()>& make) {
   return bytes;
 }
 
-void Communicator::leave(std::exception_ptr failure) {
+void MpiRanks::leave(std::exception_ptr failure) {
   for (bool others_stay = true; others_stay;) {
     try {
       others_stay = meet("leave", failure, true);
@@ -284,11 +287,13 @@ void Communicator::leave(std::exception_ptr failure) {
 }
 
 // Rank 0's view of all: who gets which samples, and when all is over.
-class Communicator::Server {
+class MpiRanks::Server {
  public:
-  Server(std::vector<ChunkQueue::Range> samples, std::int64_t chunk, int ranks,
+  Server(const std::vector<ChunkQueue::Range>& samples, std::int64_t chunk, int ranks,
          std::function<void(int, const Order&)> tell)
-      : groups_(std::move(samples), chunk), drawn_(static_cast<std::size_t>(ranks)), tell_(std::move(tell)) {}
+      : samples_(chunk), drawn_(static_cast<std::size_t>(ranks)), tell_(std::move(tell)) {
+    for (const ChunkQueue::Range& some : samples) samples_.give(some);
+  }
 
   void hear(int rank, const News& news) {
     std::int64_t& drawn = drawn_[static_cast<std::size_t>(rank)];
@@ -301,7 +306,7 @@ class Communicator::Server {
     }
     if (news.threads > 0) {
       const bool more = limit_ == ChunkQueue::no_index;  // all that may hold a smaller index has been handed out
-      const auto [first, last] = more ? groups_.next(ranks, news.threads) : ChunkQueue::Range{0, 0};
+      const auto [first, last] = more ? samples_.take_share(ranks, news.threads) : ChunkQueue::Range{0, 0};
       tell_(rank, {.first = first, .last = last, .limit = limit_, .answers = 1});
     }
     if (news.ended != 0 && ++ended_ == ranks) {
@@ -311,7 +316,7 @@ class Communicator::Server {
   [[nodiscard]] std::int64_t drawn() const { return all_drawn_; }
 
  private:
-  Groups groups_;
+  Chunks samples_;
   std::vector<std::int64_t> drawn_;  // by rank
   std::int64_t all_drawn_ = 0;
   std::int64_t limit_ = ChunkQueue::no_index;
@@ -321,7 +326,7 @@ class Communicator::Server {
 
 // Where ranks wait for each other, one that cannot go on (no memory, a message too long) ends the job.
 template <class F>
-void Communicator::or_abort(const F& f) const {
+void MpiRanks::or_abort(const F& f) const {
   try {
     f();
   } catch (const std::exception& e) {
@@ -330,15 +335,14 @@ void Communicator::or_abort(const F& f) const {
   }
 }
 
-void Communicator::serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool saves,
-                         const std::function<void(std::int64_t drawn)>& tell) {
-  int wants_sums = saves ? 1 : 0;
+void MpiRanks::serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, const Caller& caller) {
+  int wants_sums = caller.saves ? 1 : 0;
   MPI_Bcast(&wants_sums, 1, MPI_INT, 0, comm_);
-  or_abort([&] { exchange(queue, samples, wants_sums != 0, tell); });
+  or_abort([&] { exchange(queue, samples, wants_sums != 0, caller); });
 }
 
-void Communicator::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
-                            const std::function<void(std::int64_t drawn)>& tell) {
+void MpiRanks::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool wants_sums,
+                        const Caller& caller) {
   const int threads = queue.look().threads;
 
   bool waits = false;  // for samples that it asked for
@@ -409,7 +413,7 @@ void Communicator::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Ran
     }
     if (leads() && limit != 0) {
       try {
-        tell(server->drawn());
+        caller.tell(server->drawn());
       } catch (...) {
         queue.interrupt(std::current_exception());
         continue;  // and says so
@@ -421,11 +425,11 @@ void Communicator::exchange(ChunkQueue& queue, const std::vector<ChunkQueue::Ran
   }
 }
 
-void Communicator::end(ChunkQueue& queue, const std::function<void()>& seal) {
+void MpiRanks::end(ChunkQueue& queue, const std::function<void()>& seal) {
   or_abort([&] { gather(queue, seal); });
 }
 
-void Communicator::gather(ChunkQueue& queue, const std::function<void()>& seal) {
+void MpiRanks::gather(ChunkQueue& queue, const std::function<void()>& seal) {
   // Sums go up a binomial tree.
   for (int step = 1; step < size_; step *= 2) {
     if ((rank_ & step) != 0) {
@@ -466,6 +470,6 @@ void Communicator::gather(ChunkQueue& queue, const std::function<void()>& seal) 
 
 }  // namespace
 
-std::shared_ptr<debias::detail::Ranks> ranks_of(MPI_Comm comm) { return std::make_shared<Communicator>(comm); }
+Ranks ranks_of(MPI_Comm comm) { return Ranks(std::make_shared<MpiRanks>(comm)); }
 
 }  // namespace debias::mpi

@@ -1,11 +1,15 @@
 #include <debias/pmf/any.hpp>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
+
+#include <debias/core/reach.hpp>
 
 #include "core/text.hpp"
 
@@ -145,5 +149,36 @@ AnyPmf AnyPmf::parse(std::string_view text) {
   }
   throw std::invalid_argument("PMF '" + std::string(text) + "' (no PMF is called '" + std::string(name) + "')" + hint);
 }
+
+namespace detail {
+
+Steeper steeper_pmf(const Reach& reach, double allowed) {
+  const std::int64_t outcome = reach.deepest - reach.first_level + 1;  // the first that cannot be drawn
+  if (outcome < 1) return {};
+  const auto hundredths = [](double x) { return std::ceil(100 * x - 1e-9) / 100; };
+  if (reach.decay == Decay::polynomial) {
+    double low = 1;  // bisection: the tail falls with s
+    double high = 2;
+    while (Zeta(high).tail(outcome) > allowed) {
+      low = high;
+      high *= 2;
+      if (high > 64) return {};
+    }
+    while (high - low > 1e-3) {
+      const double middle = (low + high) / 2;
+      (Zeta(middle).tail(outcome) > allowed ? low : high) = middle;
+    }
+    const Zeta pmf(hundredths(high));
+    return {pmf.tail_exponent().exponent, pmf.spec()};
+  }
+  for (double theta = hundredths(-std::log2(allowed) / static_cast<double>(outcome)); theta <= 53; theta += 0.01) {
+    theta = hundredths(std::max(theta, 0.01));
+    const Geometric pmf = Geometric::with_exponent(theta);
+    if (pmf.tail(outcome) <= allowed) return {theta, "geometric:theta=" + to_text(theta)};
+  }
+  return {};
+}
+
+}  // namespace detail
 
 }  // namespace debias

@@ -30,8 +30,10 @@
 #include <vector>
 
 #include "catalog.hpp"
+#include "commands/describe.hpp"
 #include "commands/diagnose.hpp"
 #include "commands/list.hpp"
+#include "commands/renamed.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 
@@ -72,17 +74,33 @@ py::object object_of(const commands::Node& node) {
       node.value);
 }
 
-// As text, as JSON and as a dict.
+// As a brief text, as a full one, as JSON and as a dict.
 template <class R>
 py::tuple as_objects(const R& report) {
   std::ostringstream text;  // only texts
+  std::ostringstream full;  // only texts
   print(text, report);
-  return py::make_tuple(text.str(), commands::to_json(report), object_of(fields(report)));
+  if constexpr (requires { print(full, report, true); }) {
+    print(full, report, true);
+  } else {
+    print(full, report);
+  }
+  return py::make_tuple(text.str(), full.str(), commands::to_json(report), object_of(fields(report)));
 }
 
 // Says where an exception of the user's function came from, where Python can hold notes (3.11).
 void add_note(const py::error_already_set& e, const std::string& note) {
   if (py::hasattr(e.value(), "add_note")) e.value().attr("add_note")(note);
+}
+
+// As debias.NoPmfError, with what led to it.
+[[noreturn]] void raise(const NoPmfError& e) {
+  const py::object refusal = py::module_::import("debias").attr("NoPmfError")(e.what());
+  for (const commands::Entry& field : commands::describe(e)) {
+    refusal.attr(field.name.c_str()) = object_of(field.value);
+  }
+  PyErr_SetObject(py::type::of(refusal).ptr(), refusal.ptr());
+  throw py::error_already_set();
 }
 
 // Calls f; what it throws becomes what a Python user expects: the user's own exceptions as they were raised.
@@ -105,6 +123,8 @@ auto translated(const F& f) {
       throw std::runtime_error(where + ": " + inner.what());
     }
     throw;
+  } catch (const NoPmfError& e) {
+    raise(e);
   } catch (const std::logic_error& e) {
     throw py::value_error(e.what());
   }
@@ -211,7 +231,7 @@ py::tuple run_command(const py::object& problem, const py::dict& options, const 
   return as_objects(with_problem(problem, options, progress, request_of, command));
 }
 
-/// Samples first, first + 1, ..., n of them.
+/// Samples first, first + 1, ..., n of them; the means of whole blocks, where they come in blocks.
 py::object samples(const py::object& problem, const py::dict& options, std::int64_t n, std::int64_t first,
                    const py::object& progress) {
   struct Asked {
@@ -219,27 +239,39 @@ py::object samples(const py::object& problem, const py::dict& options, std::int6
     catalog::Choice choice;
     std::uint64_t seed;
   };
-  const auto request_of = [](const catalog::Problem& p, const Options& o) {
-    return Asked{&p, commands::choice_of(shape_of(o), p), seed_of(o)};
+  const auto request_of = [n, first](const catalog::Problem& p, const Options& o) {
+    Asked asked{&p, commands::choice_of(shape_of(o), p), seed_of(o)};
+    const std::int64_t block = asked.choice.block;
+    for (const auto& [name, x] : {std::pair("n", n), {"first", first}}) {
+      if (x % block == 0) continue;
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(x) + " (samples come in whole blocks of " +
+                                  std::to_string(block) + ", whose means are returned); take a multiple of " +
+                                  std::to_string(block));
+    }
+    return asked;
   };
   const bool own = py::isinstance<UserProblem>(problem);
   const UserProblem* user = own ? &problem.cast<const UserProblem&>() : nullptr;
   const std::size_t components = own ? user->components : 1;
-  const auto values = std::make_shared<std::vector<double>>(static_cast<std::size_t>(n) * components);
+  const auto values = std::make_shared<std::vector<double>>();
   with_problem(problem, options, progress, request_of, [=](const Asked& asked, const Watch& watch) {
-    for (std::int64_t i = 0; i < n;) {
-      const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, n - i);
+    const std::int64_t block = asked.choice.block;
+    const std::int64_t blocks = n / block;
+    values->resize(static_cast<std::size_t>(blocks) * components);
+    for (std::int64_t i = 0; i < blocks;) {
+      const std::int64_t size = std::min<std::int64_t>(own ? 4096 : 64, blocks - i);
       const auto begin = static_cast<std::size_t>(i) * components;
       const auto out = std::span(*values).subspan(begin, static_cast<std::size_t>(size) * components);
       if (own) {
-        user->samples(asked.choice, asked.seed, first + i, out);
+        user->samples(asked.choice, asked.seed, first / block + i, out);
       } else {
         for (std::int64_t j = 0; j < size; ++j) {
-          out[static_cast<std::size_t>(j)] = asked.problem->trace(asked.choice, asked.seed, first + i + j).sample.value;
+          out[static_cast<std::size_t>(j)] =
+              asked.problem->trace(asked.choice, asked.seed, first + (i + j) * block).sample.value;
         }
       }
       i += size;
-      if (!watch("samples", static_cast<double>(i), static_cast<double>(n))) break;
+      if (!watch("samples", static_cast<double>(i * block), static_cast<double>(n))) break;
     }
     return true;
   });
@@ -288,7 +320,7 @@ Facts facts_of(const py::dict& d) {
   facts.name = d["name"].cast<std::string>();
   facts.formula = d["formula"].cast<std::string>();
   facts.truth = number("truth");
-  facts.rates = {number("variance_rate"), number("work_rate"),
+  facts.rates = {number("variance_decay"), number("work_growth"),
                  d["polynomial"].cast<bool>() ? Decay::polynomial : Decay::geometric};
   facts.lowest_base = d["lowest_base"].cast<std::int64_t>();
   if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
@@ -332,9 +364,10 @@ class Diagnostician {
     }
     judge(d);
     if (missing_ > 0) {
-      d.warnings.push_back(std::to_string(missing_) + " of " + std::to_string(count_) +
-                           " values are masked or missing, the first is value " + std::to_string(first_missing_) +
-                           ": they are left out of everything here.");
+      d.warnings.push_back({WarningCode::missing_values, std::to_string(missing_) + " of " + std::to_string(count_) +
+                                                             " values are masked or missing, the first is value " +
+                                                             std::to_string(first_missing_) +
+                                                             ": they are left out of everything here."});
     }
     return d;
   }
@@ -365,11 +398,12 @@ PYBIND11_MODULE(_debias, m) {
   using namespace debias::python;
   refuse_numpy_beyond_pybind11();
   m.attr("version") = DEBIAS_VERSION;
+  m.def("refuse_if_renamed", commands::refuse_if_renamed);
   m.attr("stream_version") = static_cast<int>(Stream::layout_version);
 
   m.def("run", run_command<run_request>);
   m.def("multilevel", run_command<multilevel_request>);
-  m.def("recipe", run_command<advise_request>);
+  m.def("advise", run_command<advise_request>);
   m.def("survey", run_command<survey_request>);
   m.def("tradeoff", run_command<tradeoff_request>);
   m.def("replay", run_command<replay_request>);

@@ -27,7 +27,7 @@ commands::Sampling sampling_of(const Options& options) {
   if (options.has("samples")) take(options, "samples", s.samples.emplace(), 1);
   if (options.has("error")) s.goal.error = options.positive("error");
   if (options.has("relative_error")) s.goal.relative_error = options.positive("relative_error");
-  if (options.has("time")) s.goal.seconds = options.seconds("time");
+  if (options.has("seconds")) s.goal.seconds = options.seconds("seconds");
   s.seed = seed_of(options);
   take_threads(options, s.threads);
   return s;
@@ -110,6 +110,7 @@ commands::AdviseRequest advise_request(const catalog::Problem& problem, const Op
 commands::SurveyRequest survey_request(const catalog::Problem& problem, const Options& options) {
   commands::SurveyRequest r{.problem = &problem, .seed = seed_of(options)};
   take(options, "levels", r.levels, 2, static_cast<std::uint64_t>(commands::most_levels));
+  take(options, "first", r.first, 0);
   take(options, "samples", r.samples, 1);
   take_threads(options, r.threads);
   return r;

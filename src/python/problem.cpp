@@ -15,46 +15,19 @@
 
 #include "../catalog/make.hpp"
 #include "../core/text.hpp"
+#include "collecting.hpp"
 
 namespace debias::python {
 namespace {
 
 using catalog::Choice;
 
-/// An estimator, or a draw of a level, whose look-ups are gathered.
-template <Estimator E>
-struct Gathered {
-  E estimator;
-  Lookups* lookups;
-
-  template <Record R>
-  auto operator()(Stream& rng, R& record) const {
-    return draw_sample(estimator, rng, record);
-  }
-  void collect_queries(const std::function<void()>& draws) const { lookups->collect_queries(draws); }
-  [[nodiscard]] std::string describe() const { return description(estimator); }
-  [[nodiscard]] std::int64_t chunk() const { return debias::detail::chunk_of(estimator); }
-  [[nodiscard]] std::string name() const requires HasName<E> { return estimator.name(); }
-  [[nodiscard]] double probability(std::int64_t level) const requires KnowsProbabilities<E> {
-    return estimator.probability(level);
-  }
-  [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
-    return estimator.bias_bound(levels);
-  }
-  [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> { return estimator.reach(last); }
-};
-
-template <Estimator E>
-auto gathered_run(const E& e, Lookups& lookups, const Plan& plan) {
-  return estimate(Gathered<E>{e, &lookups}, plan);
-}
-
 template <BiasedSequence S>
 LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
-    return gathered_run(debias::detail::LevelDraw<S>{sequence, level}, *lookups, plan);
+    return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
     const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
@@ -64,7 +37,7 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence, lookups](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return debias::detail::shared_moments(
-          gathered_run(debias::detail::SharedLevelDraw<S>{sequence, level, base_level}, *lookups, plan));
+          estimate_collected(*lookups, debias::detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
     };
   }
   return runs;
@@ -86,14 +59,19 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   p.lowest_base = facts.lowest_base;
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
   p.run = [with, lookups](const Choice& choice, const Plan& plan) {
-    return with(choice, [&](const auto& e) -> Statistics { return gathered_run(e, *lookups, plan); });
+    Statistics result;
+    with(choice, [&](const auto& e) { result = estimate_collected(*lookups, e, plan); });
+    return result;
   };
   p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
-    return with(choice, [&](const auto& e) {
+    Trace<double> result;
+    with(choice, [&](const auto& e) {
       lookups->collect_queries([&] { trace(e, seed, index); });
       auto t = trace(e, seed, index);
-      return Trace<double>{{as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels)};
+      result = {
+          {as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels), t.block, t.first, t.member};
     });
+    return result;
   };
   p.levels = gathered_levels(sequence, lookups);
   user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {

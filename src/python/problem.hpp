@@ -31,7 +31,7 @@ struct UserProblem {
   /// Its look-ups belong to one run at a time.
   std::unique_ptr<std::mutex> in_use = std::make_unique<std::mutex>();
   std::size_t components = 1;
-  /// Samples first, first + 1, ... one after the other, each with all its components.
+  /// What streams first, first + 1, ... give, a sample or the mean of a block each, with all its components.
   std::function<void(const catalog::Choice&, std::uint64_t seed, std::int64_t first, std::span<double> out)> samples;
 };
 

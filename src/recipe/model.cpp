@@ -83,7 +83,7 @@ double tail_exponent_for(const Survey& s) {
   const bool polynomial = e.polynomial;
   MeasuredRates r;
   r.kind = polynomial ? RateKind::polynomial : RateKind::geometric;
-  r.work_growth.value = e.exponential_work != polynomial ? e.work.value : 0;
+  r.work_growth.value = e.exponential_work != polynomial ? std::max(0.0, e.work.value) : 0;
   const bool known = !e.courses.empty() && e.answer != Answer::no;
   r.variance_decay.value = known ? e.decay.value : std::numeric_limits<double>::quiet_NaN();
   // E D^4 by the trend of kappa, which the rates report.

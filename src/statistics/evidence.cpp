@@ -33,6 +33,7 @@ constexpr double most_unseen = 0.5;       // of S, where the answer is yes
 constexpr double hits_promised = 14;      // P(none) = 1e-6
 constexpr double known_error = 0.5;       // octaves
 constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
+constexpr std::int64_t many_levels = 32;  // that a power has held over, five octaves
 constexpr double zeros_of_nothing = 100;  // draws, where no level has shown a difference
 
 double mix(double a, std::int64_t m, double b, std::int64_t n) {
@@ -58,6 +59,19 @@ double slope_of(std::span<const double> x, std::span<const double> y) {
     xy += (x[i] - mx) * (y[i] - my);
   }
   return xx > 0 ? xy / xx : 0;
+}
+
+// The standard error of that slope.
+double slope_error_of(std::span<const double> x, std::span<const double> errors) {
+  double mx = 0;
+  for (const double xi : x) mx += xi / static_cast<double>(x.size());
+  double xx = 0;
+  double sum = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    sum += std::pow((x[i] - mx) * errors[i], 2);
+  }
+  return xx > 0 ? std::sqrt(sum) / xx : 0;
 }
 
 bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
@@ -86,12 +100,16 @@ class Scales {
   Evidence weigh() {
     e_.voices = statistics::voices_of(e_.facts);
     for (std::size_t i = 0; i < e_.voices.size(); ++i) {
+      if (!e_.facts[i].is_base) all_.push_back(i);
+    }
+    bases();
+    for (std::size_t i = 0; i < e_.voices.size(); ++i) {
       const LevelVoice& v = e_.voices[i];
       if (e_.facts[i].is_base) {
         base_ = e_.facts[i].level;
         continue;
       }
-      all_.push_back(i);
+      if (v.level < e_.lowest_base) continue;  // no part of any estimate
       if (is_finite(v) && !is_zero(v)) live_.push_back(i);
       if (!v.usable()) continue;
       usable_.push_back(i);
@@ -102,13 +120,13 @@ class Scales {
       e_.first_usable = e_.voices[usable_.front()].level;
       e_.last_usable = e_.voices[usable_.back()].level;
     }
-    bases();
     work();
     courses();
     ends();
     if (e_.end != End::none) return std::move(e_);
     if (e_.courses.empty()) {
-      e_.reasons.push_back(std::to_string(usable_.size()) + " levels are known, three are needed");
+      e_.reasons.push_back(
+          {WarningCode::few_levels, std::to_string(usable_.size()) + " levels are known, three are needed"});
       return std::move(e_);
     }
     changes();
@@ -121,7 +139,7 @@ class Scales {
   [[nodiscard]] const LevelVoice& voice(std::size_t i) const { return e_.voices[i]; }
   [[nodiscard]] const LevelFacts& fact(std::size_t i) const { return e_.facts[i]; }
 
-  // R6: the first level after the last one without moments, if three above it have 8 hits.
+  // R6: the first level after the last one without moments, if three above it have 8 hits, or are zero.
   void bases() {
     std::int64_t last = -1;
     for (const std::size_t i : all_) {
@@ -134,7 +152,7 @@ class Scales {
     if (last < 0) return;
     int above = 0;
     for (const std::size_t i : all_) {
-      above += fact(i).level > last && is_finite(voice(i)) && voice(i).raw_hits >= few;
+      above += fact(i).level > last && is_finite(voice(i)) && (is_zero(voice(i)) || voice(i).raw_hits >= few);
     }
     e_.missing_moments = true;
     if (above >= 3) e_.lowest_base = last + 1;
@@ -185,7 +203,8 @@ class Scales {
     e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction);
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
-    e_.polynomial = weight > static_cast<double>(e_.courses.size()) / 2;
+    polynomial_share_ = weight / static_cast<double>(e_.courses.size());
+    e_.polynomial = polynomial_share_ > 0.5;
     double mean = 0;
     double square = 0;
     double n = 0;
@@ -198,10 +217,12 @@ class Scales {
     mean /= n;
     e_.decay = {mean, std::sqrt(std::max(0.0, square / n - mean * mean))};
     if (e_.contradiction) {
-      e_.reasons.push_back("declared decay " + to_text(e_.contradiction->declared) + "; " +
-                           levels_text(e_.first_usable, e_.last_usable) + " show " +
-                           short_text(e_.contradiction->shown) + " +- " + short_text(e_.contradiction->error) +
-                           ": wrong, or not there yet");
+      e_.reasons.push_back(
+          {WarningCode::declared_rates, "declared decay " + to_text(e_.contradiction->declared) + "; " +
+                                            levels_text(e_.first_usable, e_.last_usable) + " show " +
+                                            (e_.contradiction->shown > e_.contradiction->error ? "" : "no fall, ") +
+                                            short_text(e_.contradiction->shown) + " +- " +
+                                            short_text(e_.contradiction->error) + ": wrong, or not there yet"});
     }
   }
 
@@ -224,6 +245,8 @@ class Scales {
       return;
     }
     if (!live_.empty() && beside_value(live_.back()) < drowned) return;  // the decay decides
+    // Zeros behind levels that have not shown what they are end nothing.
+    if (!live_.empty() && !voice(live_.back()).usable()) return;
     double draws = 0;
     for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
     if (sequence_.constant_limit && deepest_value() < e_.facts.size()) {
@@ -231,15 +254,17 @@ class Scales {
         finish(End::zeros, Answer::yes, Grade::shown);
       } else {
         finish(End::aliased, Answer::open, Grade::open);
-        e_.reasons.emplace_back(
-            "differences vanish but the value still varies: what makes it vary lies between the points of the levels");
+        e_.reasons.push_back({WarningCode::aliased_differences,
+                              "differences vanish but the value still varies: what makes it vary lies between the "
+                              "points of the levels"});
       }
       return;
     }
     const bool likely = zeros.size() >= 3;
     finish(End::zeros, likely ? Answer::yes : Answer::open, likely ? Grade::likely : Grade::open);
-    e_.reasons.push_back("zero beyond level " + std::to_string(e_.last_difference) + " in " + to_text(draws) +
-                         " draws, and the sequence does not state its end (exact_from): a pause looks the same");
+    e_.reasons.push_back({WarningCode::unstated_end,
+                          "zero beyond level " + std::to_string(e_.last_difference) + " in " + to_text(draws) +
+                              " draws, and the sequence does not state its end (exact_from): a pause looks the same"});
   }
 
   void finish(End end, Answer answer, Grade grade) {
@@ -322,14 +347,17 @@ class Scales {
 
   // What turns a no into open: no trend, but a hump or a start.
   void changes() {
+    const double scatter = statistics::scatter_of(e_.courses);
     std::vector<double> k;
     std::vector<double> rarity;
     std::vector<double> absolute;  // b - log2 kappa: of a rare event with E |D| bounded it does not grow
+    std::vector<double> absolute_errors;
     for (const std::size_t i : usable_) {
       if (voice(i).hits < few) continue;
       k.push_back(static_cast<double>(fact(i).level));
       rarity.push_back(voice(i).log2_rarity);
       absolute.push_back(voice(i).log2_second - voice(i).log2_rarity);
+      absolute_errors.push_back(std::hypot(2 * voice(i).error, scatter));  // both count the same hits
     }
     const auto last = [](const std::vector<double>& v, std::size_t n) {
       return std::span(v).subspan(v.size() > n ? v.size() - n : 0);
@@ -338,12 +366,14 @@ class Scales {
       const auto x = last(k, 6);
       const auto y = last(rarity, 6);
       const bool falls = slope_of(x, y) * (x.back() - x.front()) < -1 && y.front() > 2;
-      const bool grows = slope_of(last(k, 5), last(absolute, 5)) > (e_.exponential_work ? 0.25 : 0.025);
-      e_.changes = falls || grows || steepens();
+      const double growth = slope_of(last(k, 5), last(absolute, 5));
+      const bool grows =
+          growth - slope_error_of(last(k, 5), last(absolute_errors, 5)) > (e_.exponential_work ? 0.25 : 0.025);
+      e_.changes = falls || grows || steepens(scatter);
     }
   }
 
-  [[nodiscard]] bool steepens() const {
+  [[nodiscard]] bool steepens(double scatter) const {
     const std::size_t n = std::min<std::size_t>(6, usable_.size());
     if (n < 4) return false;
     const std::size_t a = usable_[usable_.size() - n];
@@ -352,7 +382,7 @@ class Scales {
     const auto fall = [&](std::size_t from, std::size_t to) {
       const auto steps = static_cast<double>(fact(to).level - fact(from).level);
       return std::pair((voice(from).log2_second - voice(to).log2_second) / steps,
-                       std::hypot(voice(from).error, voice(to).error) / steps);
+                       std::hypot(voice(from).error, voice(to).error, scatter) / steps);
     };
     const auto [early, early_error] = fall(a, b);
     const auto [late, late_error] = fall(b, c);
@@ -411,17 +441,19 @@ class Scales {
     }
     // Deeper levels of fewer draws are not to be called fine because they have not shown what shallower ones have.
     const bool doubtful = e_.missing_moments && 3 * unclear > counted;
-    // A decay like a power beside work like a power converges late: no trend tells from few levels.
-    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2;
+    // A decay like a power beside work like a power converges late: only many levels tell it from a slow exponential.
+    const bool long_power = e_.last_usable >= many_levels && polynomial_share_ >= 1 - shown_p;
+    const bool slow = !e_.exponential_work && e_.decay.value > e_.decay.error / 2 && !long_power;
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
     if (doubtful) {
-      e_.reasons.emplace_back("the largest differences of most levels look as if there were no second moment");
+      e_.reasons.push_back({WarningCode::no_second_moment,
+                            "the largest differences of most levels look as if there were no second moment"});
     } else if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
       e_.answer = Answer::yes;
       e_.grade = Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
-        e_.reasons.emplace_back("some levels may have no second moment");
+        e_.reasons.push_back({WarningCode::no_second_moment, "some levels may have no second moment"});
       }
     } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known >= 3) {
       e_.answer = Answer::yes;
@@ -434,7 +466,8 @@ class Scales {
       e_.answer = Answer::no;
       e_.grade = Grade::likely;
     } else if (e_.changes) {
-      e_.reasons.emplace_back("rarity falls, or the decay still steepens, with the level: not yet a trend");
+      e_.reasons.push_back({WarningCode::unsettled_levels,
+                            "rarity falls, or the decay still steepens, with the level: not yet a trend"});
     }
   }
 
@@ -442,6 +475,7 @@ class Scales {
   const SequenceFacts& sequence_;
   bool budget_spent_;
   std::int64_t base_ = -1;
+  double polynomial_share_ = 0;      // of the courses
   std::vector<std::size_t> all_;     // levels with differences
   std::vector<std::size_t> live_;    // of them, those that are not zero
   std::vector<std::size_t> usable_;  // of these
@@ -468,7 +502,11 @@ std::vector<LevelFacts> together(std::span<const LevelFacts> a, std::span<const 
       f.draws = x.draws + y.draws;
       f.mean = mix(x.mean, x.draws, y.mean, y.draws);
       f.second_moment = mix(x.second_moment, x.draws, y.second_moment, y.draws);
-      f.fourth_moment = mix(x.fourth_moment, x.draws, y.fourth_moment, y.draws);
+      const auto fourth = [&f](const LevelFacts& l) {  // beside the square of the second
+        const double ratio = l.second_moment / f.second_moment;
+        return f.second_moment > 0 ? l.kurtosis * ratio * ratio : 0;
+      };
+      f.kurtosis = mix(fourth(x), x.draws, fourth(y), y.draws);
       f.work = mix(x.work, x.draws, y.work, y.draws);
       f.value_variance = mix(x.value_variance, x.draws, y.value_variance, y.draws);
       f.value_square = mix(x.value_square, x.draws, y.value_square, y.draws);
@@ -516,16 +554,10 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   for (const LevelVoice& v : e.voices) {
     if (v.usable()) usable.push_back(&v);
   }
-  double scatter = 0;
-  if (!e.courses.empty()) {
-    std::vector<double> omega;
-    for (const Course& c : e.courses) omega.push_back(c.scatter);
-    std::nth_element(omega.begin(), omega.begin() + std::ssize(omega) / 2, omega.end());
-    scatter = omega[omega.size() / 2];
-  }
+  const double scatter = statistics::scatter_of(e.courses);
   // Measured, and between measured ones: there the larger neighbour counts where levels scatter widely.
   constexpr double wide = 0.5;
-  for (std::size_t i = 0; !e.courses.empty() && i < usable.size(); ++i) {
+  for (std::size_t i = 0; i < usable.size(); ++i) {
     if (usable[i]->level > last) break;
     at(usable[i]->level) = {usable[i]->log2_second, usable[i]->error};
     if (i + 1 == usable.size()) continue;
@@ -562,12 +594,17 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       k = std::min(last, k + (beyond < 32 ? 1 : beyond / 8));
     }
   }
-  // Seen, but not usable: at least what was seen.
+  // Seen, but without a vote, or with too few others for a course: at least what was seen.
   for (std::size_t i = 0; i < e.facts.size(); ++i) {
     const LevelVoice& v = e.voices[i];
-    if (e.facts[i].is_base || v.level > last || v.usable() || !is_finite(v) || is_zero(v)) continue;
-    if (at(v.level).log2_second < v.log2_second) {
-      at(v.level) = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
+    if (e.facts[i].is_base || v.level > last || !is_finite(v) || is_zero(v)) continue;
+    if (v.usable() && !e.courses.empty()) continue;  // measured
+    Believed& here = at(v.level);
+    if (!(here.log2_second < v.log2_second)) continue;
+    if (v.log2_second - here.log2_second <= 2 * here.error) {  // as the course has it
+      here.log2_second = v.log2_second;
+    } else {
+      here = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
     }
   }
   const bool over = e.end != End::none && e.grade == Grade::shown;
@@ -585,6 +622,16 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   const double fall = (e.exponential_work ? e.work.value : 0) + 0.4;
   for (std::int64_t k = 1; k <= last; ++k) {
     Believed& here = at(k);
+    if (k <= e.lowest_base) {  // no part of an estimate, and no measure for what follows
+      for (const LevelFacts& f : e.facts) {
+        if (f.is_base || f.level != k || !(f.value_variance > 0) || !std::isfinite(f.value_variance)) continue;
+        value = f;
+        value.second_moment = f.value_variance;
+        value.nonzero = 1;
+        before = &value;
+      }
+      if (k < e.lowest_base) continue;
+    }
     if (over && k > e.last_difference) {
       here = {};
       continue;

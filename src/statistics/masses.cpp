@@ -17,7 +17,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double shown_p = 0.005;
 constexpr double likely_p = 0.1;
 constexpr double most_unseen = 0.75;  // of the variance
-constexpr double most_doubt = 20;     // of an unseen variance, relative and squared
+constexpr double most_doubt =
+    0.5;  // of an unseen variance, relative and squared: it stands at its mean, not at an estimate
 constexpr double least_mass = 1e-300;
 
 // log2 p at any level: beyond the table it goes on as it ends.
@@ -255,7 +256,14 @@ class RarityTrend {
       first = &*v;
       ++usable;
     }
-    if (last == nullptr) return;
+    if (last == nullptr) {  // at least as rare as the commonest differences that were seen
+      height_ = infinity;
+      for (const LevelVoice& v : e.voices) {
+        if (v.raw_hits > 0) height_ = std::min(height_, v.log2_rarity);
+      }
+      if (std::isinf(height_)) height_ = 0;
+      return;
+    }
     level_ = last->level;
     height_ = last->log2_rarity;
     if (usable > 1) {
@@ -275,10 +283,39 @@ class RarityTrend {
 
 }  // namespace
 
+namespace {
+
+// mu, where the masses are those of a single term; 0 for the survival of a sum, whose parts do not exclude each other.
+double sum_of_means(const Evidence& e, const Masses& masses) {
+  double total = 0;
+  for (const double p : masses.mass) total += p;
+  if (!(total <= 1 + 1e-6)) return 0;
+  double sum = 0;
+  for (const LevelFacts& f : e.facts) {
+    const bool is_part = f.level >= masses.first_level && (f.is_base ? f.level == masses.first_level : true);
+    if (is_part && f.draws > 0 && std::isfinite(f.mean)) sum += f.mean;
+  }
+  return sum;
+}
+
+}  // namespace
+
 Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   Doubt d;
   const Logarithms p(masses);
   if (masses.empty()) return d;
+  // Of the square, what the mean is: one where differences are not random. Its sign is that of the last level known.
+  double share_of_mean = 0;
+  double sign = 1;
+  for (std::size_t i = 0; i < e.voices.size(); ++i) {
+    const LevelFacts& f = e.facts[i];
+    if (!e.voices[i].usable() || !(f.second_moment > 0)) continue;
+    share_of_mean = std::min(1.0, std::abs(f.mean) / std::sqrt(f.second_moment));
+    sign = f.mean < 0 ? -1 : 1;
+  }
+  constexpr double not_random = 0.99;
+  if (share_of_mean > not_random) d.mu = sum_of_means(e, masses);
+  const double mu = d.mu;
   double squares = 0;  // of the variances of the parts
   const auto add = [&](double& part, double variance, double relative) {
     part += variance;
@@ -291,19 +328,23 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
                             : std::isnan(f.value_variance) ? f.second_moment - f.mean * f.mean
                                                            : f.value_variance;
     if (!(variance > 0) || !std::isfinite(variance)) continue;
-    const double kurtosis = f.fourth_moment / (f.second_moment * f.second_moment);
     add(d.seen, variance / members,
-        (std::isfinite(kurtosis) ? std::max(kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
+        (std::isfinite(f.kurtosis) ? std::max(f.kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
   }
   if (p.last() < p.first()) return d;
   const std::vector<Believed> all = believed(e, p.last());
   const RarityTrend rarity(e);
-  // What a level with a mass but no draw leaves out is its mean: those add up.
+  // What a level with a mass but no draw leaves out is its mean: those add up. The sequence converges, so that no mean
+  // is larger than those seen.
+  double largest_mean = -infinity;  // log2 of its square
+  for (const LevelVoice& v : e.voices) {
+    if (std::isfinite(v.log2_second)) largest_mean = std::max(largest_mean, v.log2_second - v.log2_rarity);
+  }
   double left_out = 0;
+  double replaced = 0;  // the means beside what stands for them
   double left_out_doubt = 0;
   for (std::int64_t k = p.first(); k <= p.last(); ++k) {
     const double draws_expected = std::exp2(p.at(k) + std::log2(members));
-    const double scale = std::log2(std::max(draws_expected, 1.0));
     const LevelVoice* voice = voice_at(e, k);
     const bool known = voice != nullptr && voice->hits >= few && std::isfinite(voice->log2_second);
     if (known) {
@@ -311,7 +352,10 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       const double rarity_seen = std::max(std::exp2(voice->log2_rarity), draws / voice->hits);
       const bool drawn = draws_expected >= few * rarity_seen;
       if (!drawn) d.levels.push_back(k);
-      add(drawn ? d.seen : d.undrawn, std::exp2(std::clamp(voice->log2_second - scale, -1000.0, 900.0)),
+      const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
+      const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
+      const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+      add(drawn ? d.seen : d.undrawn, part_in_variance(second, mean, mass, mu) / members,
           drawn ? rarity_seen / draws_expected : rarity_seen / draws);
       continue;
     }
@@ -323,12 +367,22 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     const double doubt = std::min(std::exp2(2 * b.error) - 1, most_doubt);
     if (draws_expected < 1 && k > e.last_difference) {
       if (k > e.last_difference + most_left_out) break;
-      left_out += std::exp2(std::clamp(b.log2_second + up - rarity.at(k), -1000.0, 900.0) / 2);
+      const double most = std::min(b.log2_second + up - rarity.at(k), largest_mean);
+      const double mean = std::exp2(std::clamp(most, -1000.0, 900.0) / 2);
+      // What the other samples say for it: mu p.
+      const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
+      const bool certain = mu != 0;
+      if (certain) replaced += expected - mu * std::exp2(p.at(k));
+      left_out += certain ? std::sqrt(std::max(0.0, mean * mean - expected * expected)) : mean;
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
     }
-    add(d.unseen, std::exp2(std::clamp(b.log2_second + up - scale, -1000.0, 900.0)), doubt);
+    const double second = std::exp2(std::clamp(b.log2_second + up, -1000.0, 900.0));
+    const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
+    const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+    add(d.unseen, part_in_variance(second, expected, mass, mu) / members, doubt);
   }
+  left_out += std::abs(replaced);
   if (left_out > 0) add(d.unseen, left_out * left_out, left_out_doubt);
   const double variance = d.seen + d.undrawn + d.unseen;
   if (squares > 0) d.degrees = std::max(1.0, 2 * variance * variance / squares);

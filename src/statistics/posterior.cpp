@@ -12,8 +12,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-constexpr std::int64_t fewest_draws = 64;
-constexpr std::int64_t many_draws = 512;  // of a failure that silences the levels below
+constexpr std::int64_t fewest_draws = 64;  // of a failure
+constexpr std::int64_t many_draws = 512;   // of a failure that silences the levels below
 constexpr std::int64_t draws_for_heavy = 1024;
 constexpr double heavy_z = 1;
 constexpr double light_z = -1.5;
@@ -79,17 +79,16 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     LevelVoice v;
     v.level = f.level;
     v.log2_second = std::numeric_limits<double>::quiet_NaN();
-    const double rarity = f.fourth_moment / (f.second_moment * f.second_moment);
     if (f.is_base) {
       v.log2_second = std::log2(f.second_moment);
     } else if (f.second_moment == 0) {
       v.log2_second = -infinity;
-    } else if (!std::isfinite(f.second_moment) || !std::isfinite(f.fourth_moment) || !std::isfinite(rarity)) {
+    } else if (!std::isfinite(f.second_moment) || !std::isfinite(f.kurtosis)) {
       v.tail = LevelTail::heavy;
-    } else if (f.fourth_moment > 0) {
+    } else if (f.kurtosis > 0) {
       v.log2_second = std::log2(f.second_moment);
-      v.log2_rarity = std::max(0.0, std::log2(rarity));
-      v.raw_hits = static_cast<double>(f.draws) / std::max(1.0, rarity);
+      v.log2_rarity = std::max(0.0, std::log2(f.kurtosis));
+      v.raw_hits = static_cast<double>(f.draws) / std::max(1.0, f.kurtosis);
       v.tail = tail_of(f);
     }
     voices.push_back(v);
@@ -113,8 +112,8 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     }
     const auto draws = static_cast<double>(f.draws);
     v.hits = std::min(v.raw_hits, draws / rarity);
-    if (f.draws < fewest_draws) continue;
     if (v.hits < few) {
+      if (f.draws < fewest_draws) continue;
       ++failures;
       // Deeper levels look usable only because they missed what is rare.
       if (started && (failures >= 2 || f.draws >= many_draws)) ended = true;
@@ -296,6 +295,15 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
     c.limit = c.slope + c.limit_error * normal_quantile(v - std::floor(v) + 1e-12);
   }
   return courses;
+}
+
+double scatter_of(std::span<const Course> courses) {
+  if (courses.empty()) return 0;
+  std::vector<double> omega;
+  for (const Course& c : courses) omega.push_back(c.scatter);
+  const auto middle = omega.begin() + std::ssize(omega) / 2;
+  std::nth_element(omega.begin(), middle, omega.end());
+  return *middle;
 }
 
 double course_at(const Course& c, std::int64_t last_usable, std::int64_t level) {

@@ -35,6 +35,9 @@ struct Observation {
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
                                const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction);
 
+/// Of single levels about the trend, in octaves: the median.
+double scatter_of(std::span<const Course> courses);
+
 /// b at a level beyond the last usable one. The slope settles within some levels.
 double course_at(const Course& course, std::int64_t last_usable, std::int64_t level);
 

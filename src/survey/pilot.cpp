@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "core/ranks.hpp"
 #include "core/text.hpp"
 
 namespace debias {
@@ -17,8 +18,12 @@ constexpr std::int64_t contiguous = 8;
 constexpr double fewest_draws = 64;
 constexpr std::int64_t most_draws = std::int64_t{1} << 20;
 constexpr double growing = 0.25;  // octaves of work a level: every level then counts
-constexpr double patience = 20;   // seconds for one level whose stated work does not explain them
+constexpr double patience = 5;    // seconds for the draws of one level whose stated work does not explain them
 constexpr double unexplained = 64;
+constexpr double unexplained_by_processor = 24;
+constexpr double least_time = 2e-5;   // seconds of the processor that a clock can tell
+constexpr double enough_time = 5e-4;  // to speak of a level
+constexpr std::int64_t rising = 3;    // levels over which the time has grown
 
 bool is_length_error(const std::exception& e) {
   try {
@@ -37,7 +42,35 @@ double of_both(const std::pair<double, double>& work) { return std::max(work.fir
 std::pair<double, double> Pilot::work_of(std::int64_t level) {
   const auto known = work_of_.find(level);
   if (known != work_of_.end()) return known->second;
-  return work_of_[level] = runs_.work(level, plan_);
+  if (plan_.progress && !plan_.progress(0)) throw Interrupted("pilot: interrupted by the caller");
+  // Time of the processor: a busy machine does not count as work.
+  const auto timed = [&] {
+    const std::clock_t start = std::clock();
+    work_of_[level] = runs_.work(level, plan_);
+    return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+  };
+  double seconds = timed();
+  const auto is_explained = [&] {
+    if (plan_.ranks.size() > 1 || seconds < enough_time) return true;
+    for (const auto& [k, before] : seconds_of_) {
+      if (k == 0 || k + rising > level) continue;
+      const double work = of_both(work_of_.at(level)) / of_both(work_of_.at(k));
+      if (seconds > unexplained_by_processor * work * std::max(before, least_time)) return false;
+    }
+    return true;
+  };
+  constexpr int repeats = 2;  // something that is done once only is none of the work
+  for (int i = 0; i < repeats && !is_explained(); ++i) seconds = std::min(seconds, timed());
+  seconds_of_[level] = seconds;
+  if (!is_explained()) refuse_time(level, seconds / static_cast<double>(2 * detail::draws_for_work));
+  return work_of_[level];
+}
+
+void Pilot::refuse_time(std::int64_t level, double seconds) const {
+  throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + format("%.2g", seconds) +
+                              " seconds (its stated work is " + format("%.4g", of_both(work_of_.at(level))) +
+                              ", and shallower levels state as much for a small part of that time); state the work of "
+                              "a draw, the last argument of base and coupled");
 }
 
 void Pilot::grow(double work, std::int64_t deepest) {
@@ -102,7 +135,7 @@ void Pilot::draw(std::int64_t level, std::int64_t draws) {
 // The time of a level, beside that of the first ones, against its stated work.
 void Pilot::check_time(std::int64_t level) const {
   const Statistics& here = drawn_.at(level);
-  if (plan_.ranks != nullptr || here.seconds < patience) return;
+  if (plan_.ranks.size() > 1 || here.seconds < patience) return;
   double least = std::numeric_limits<double>::infinity();  // seconds for a unit of work
   for (const auto& [k, s] : drawn_) {
     if (k < level && s.seconds > 0)
@@ -110,10 +143,7 @@ void Pilot::check_time(std::int64_t level) const {
   }
   const double each = here.seconds / static_cast<double>(here.samples);
   if (!(each / of_both(work_of_.at(level)) > unexplained * least)) return;
-  throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + format("%.2g", each) +
-                              " seconds (its stated work is " + format("%.4g", of_both(work_of_.at(level))) +
-                              ", and shallower levels state as much for a small part of that time); state the work of "
-                              "a draw, the last argument of base and coupled");
+  refuse_time(level, each);
 }
 
 Survey Pilot::survey(bool budget_spent) const {

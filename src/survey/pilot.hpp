@@ -4,6 +4,8 @@
 //
 //   levels 0 ... 8, then every level where the work grows by powers of 2, else four an octave
 //
+// Throws std::invalid_argument, "state the work", at the first level whose time grows 24 times beyond its stated work: that
+// of the few draws that tell its work is enough. Asks plan.progress before each of them.
 // A level is drawn while the budget leaves it 64 draws beside the others. Stops before a level that the sequence refuses
 // (std::length_error).
 
@@ -31,11 +33,13 @@ class Pilot {
   std::pair<double, double> work_of(std::int64_t level);
   void draw(std::int64_t level, std::int64_t draws);
   void check_time(std::int64_t level) const;
+  [[noreturn]] void refuse_time(std::int64_t level, double seconds) const;
 
   const LevelRuns& runs_;
   Plan plan_;
   std::map<std::int64_t, Statistics> drawn_;
   std::map<std::int64_t, std::pair<double, double>> work_of_;
+  std::map<std::int64_t, double> seconds_of_;  // of the processor, that finding this out took
   double work_ = 0;
   std::int64_t end_ = -1;  // the first level that the sequence refuses; -1: none known
 };

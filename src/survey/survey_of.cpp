@@ -15,6 +15,7 @@
 
 #include "core/regression.hpp"
 #include "core/text.hpp"
+#include "core/words.hpp"
 
 namespace debias {
 namespace {
@@ -94,11 +95,6 @@ Points second_moments(const std::vector<SurveyRow>& rows, const std::vector<std:
 
 std::string text_of(double x) { return format("%.3g", x); }
 
-std::string levels_text(std::int64_t first, std::int64_t last) {
-  return first == last ? "level " + std::to_string(first)
-                       : "levels " + std::to_string(first) + " to " + std::to_string(last);
-}
-
 class Conclusion {
  public:
   Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
@@ -118,7 +114,7 @@ class Conclusion {
     }
     consistency();
     if (!zeros()) rates();
-    for (const std::string& reason : survey_.evidence.reasons) remark(reason);
+    survey_.remarks.insert(survey_.remarks.end(), survey_.evidence.reasons.begin(), survey_.evidence.reasons.end());
     slow_draws();
     return std::move(survey_);
   }
@@ -133,7 +129,7 @@ class Conclusion {
       f.is_base = row.level == 0;
       f.mean = row.difference;
       f.second_moment = row.second_moment;
-      f.fourth_moment = row.kurtosis * row.second_moment * row.second_moment;
+      f.kurtosis = row.kurtosis;
       f.nonzero = row.nonzero;
       f.work = row.difference_work;
       f.value_variance = row.variance;
@@ -145,7 +141,7 @@ class Conclusion {
       // What rounding leaves of a difference is none.
       constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
       if (!f.is_base && f.second_moment <= rounding * rounding * square) {
-        f.mean = f.second_moment = f.fourth_moment = f.nonzero = 0;
+        f.mean = f.second_moment = f.kurtosis = f.nonzero = 0;
       }
       facts.push_back(f);
     }
@@ -154,30 +150,40 @@ class Conclusion {
 
   // The time of a draw grows and its stated work does not: pilot and PMF would spend what they do not count.
   void slow_draws() {
-    constexpr double least_time = 1e-5;  // of a draw: below, the clock tells little
+    constexpr double least_time = 1e-5;   // of a draw: below, the clock tells little
+    constexpr double enough_time = 0.01;  // of all draws of a level, of two levels: a busy machine pauses, too
     constexpr std::int64_t span = 4;
     constexpr double factor = 8;
+    if (survey_.rows.size() < 2) return;
     const SurveyRow& last = survey_.rows.back();
-    if (!(last.seconds > least_time)) return;
+    const SurveyRow& previous = survey_.rows[survey_.rows.size() - 2];
+    for (const SurveyRow* row : {&last, &previous}) {
+      if (!(row->seconds > least_time) || !(row->seconds * static_cast<double>(row->draws) > enough_time)) return;
+    }
     for (const SurveyRow& row : survey_.rows) {
       if (row.level == 0 || row.level + span > last.level) continue;
       const double work =
           std::max(last.difference_work, last.value_work) / std::max(row.difference_work, row.value_work);
       const double time = last.seconds / std::max(row.seconds, 1e-8);
       if (!(time > factor * work)) continue;
-      remark("a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
-             " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
-             " times its work: state the work of a draw (the last argument of base and coupled)");
+      const double before =
+          std::max(previous.difference_work, previous.value_work) / std::max(row.difference_work, row.value_work);
+      if (!(previous.seconds / std::max(row.seconds, 1e-8) > factor / 2 * before)) continue;
+      remark(WarningCode::unexplained_time,
+             "a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
+                 " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
+                 " times its work: state the work of a draw (the last argument of base and coupled)");
       return;
     }
   }
 
-  void remark(const std::string& text) { survey_.remarks.push_back(text); }
+  void remark(WarningCode code, const std::string& text) { survey_.remarks.push_back({code, text}); }
 
   void consistency() {
     auto& rows = survey_.rows;
     double worst = 0;
     std::int64_t where = 0;
+    std::int64_t unknown = -1;  // the deepest level without a comparison
     for (std::size_t i = 1; i < rows.size(); ++i) {
       SurveyRow& row = rows[i];
       if (rows[i - 1].level + 1 != row.level || rows[i - 1].level < survey_.evidence.lowest_base) continue;
@@ -186,16 +192,27 @@ class Conclusion {
         const double gap = row.coarse[c].mean - below.mean;
         const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
         const double z = gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
+        if (!std::isfinite(z)) {  // values that are not finite, or their squares
+          unknown = row.level;
+          continue;
+        }
         if (!(std::abs(z) <= std::abs(row.consistency))) row.consistency = z;
       }
-      if (!(std::abs(row.consistency) > worst) && !std::isnan(row.consistency)) continue;
+      if (!(std::abs(row.consistency) > worst)) continue;
       worst = std::abs(row.consistency);
       where = row.level;
     }
-    if (worst <= 4.5) return;  // NaN does not pass
-    remark("E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
-           "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-           "from it is biased");
+    if (unknown >= 0) {
+      remark(
+          WarningCode::coupling_unchecked,
+          "values of level " + std::to_string(unknown) +
+              ", or of the level below, have no finite mean or variance in these draws: their coupling is not checked");
+    }
+    if (worst <= 4.5) return;
+    remark(WarningCode::coupling,
+           "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
+               "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
+               "from it is biased");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
@@ -208,7 +225,8 @@ class Conclusion {
     survey_.rates.kind = RateKind::exact_zero;
     faster_than_any();
     work_rate(Decay::geometric);
-    remark("the differences are zero from level " + std::to_string(e.last_difference + 1) + " on");
+    remark(WarningCode::exact_end,
+           "the differences are zero from level " + std::to_string(e.last_difference + 1) + " on");
     return true;
   }
 
@@ -262,21 +280,23 @@ class Conclusion {
     if (super_exponential(fits)) {
       r.kind = RateKind::super_exponential;
       faster_than_any();
-      remark("the differences fall ever faster, beyond any power");
+      remark(WarningCode::fast_decay, "the differences fall ever faster, beyond any power");
       return;
     }
     if (!fits.geometric && !fits.polynomial) fits = fits_above(rounding_size);
     const std::vector<std::size_t>& usable = fits.usable;
     std::optional<RateFit>& g = fits.geometric;
     const std::optional<RateFit>& p = fits.polynomial;
-    if (drowned_ > 0) remark("rounding drowns the differences from level " + std::to_string(drowned_) + " on");
+    if (drowned_ > 0)
+      remark(WarningCode::rounding, "rounding drowns the differences from level " + std::to_string(drowned_) + " on");
     if (!g && !p) g = scattered(usable);
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
       r.mean_decay = r.variance_decay = r.fourth_decay = {nan, 0};
-      remark("cannot tell the rates yet: " + std::to_string(usable.size()) +
-             " levels with enough draws for their kurtosis, no " + std::to_string(fewest_levels) +
-             " of them on a line; survey more levels, or more draws");
+      remark(WarningCode::rates_unknown,
+             "cannot tell the rates yet: " + std::to_string(usable.size()) +
+                 (usable.size() == 1 ? " level" : " levels") + " with enough draws for their kurtosis, no " +
+                 std::to_string(fewest_levels) + " of them on a line; survey more levels, or more draws");
       return;
     }
     // A power of the level only where a power of 2 explains clearly less: few levels look like either.
@@ -318,7 +338,8 @@ class Conclusion {
     const std::span y(points.y);
     const Line line = fit_line(x.subspan(first), y.subspan(first), equal);
     const double scatter = std::sqrt(line.chi_square / line.degrees);
-    remark("the second moments scatter around their decay by " + text_of(scatter) + " octaves");
+    remark(WarningCode::scattered_moments,
+           "the second moments scatter around their decay by " + text_of(scatter) + " octaves");
     return RateFit{line, first, equal.size(), line.slope_error * scatter};
   }
 
@@ -354,6 +375,7 @@ class Conclusion {
       return f ? f->line.chi_square / f->line.degrees : std::numeric_limits<double>::infinity();
     };
     const bool is_polynomial = p && (!g || p->count > g->count || (p->count == g->count && quality(p) < quality(g)));
+    if (!g && !p && stepwise(decay == Decay::geometric ? geometric : polynomial)) return;
     if (decay == Decay::geometric && is_polynomial) {
       survey_.rates.work_growth = {0, 0};  // no power of 2 at all
     } else if (decay == Decay::polynomial && is_polynomial) {
@@ -365,6 +387,15 @@ class Conclusion {
     }
   }
 
+  // Work that grows in steps lies on no line: its trend, with what it scatters around it.
+  bool stepwise(const Points& points) {
+    if (points.x.size() < fewest_scattered) return false;
+    const std::vector<double> equal(points.x.size(), 1.0);
+    const Line line = fit_line(points.x, points.y, equal);
+    survey_.rates.work_growth = {line.slope, line.slope_error * std::sqrt(line.chi_square / line.degrees)};
+    return true;
+  }
+
   void pre_asymptotic(std::size_t first_fitted) {
     const auto& rows = survey_.rows;
     std::int64_t first = -1;
@@ -374,7 +405,8 @@ class Conclusion {
       if (first < 0) first = rows[i].level;
       last = rows[i].level;
     }
-    if (first >= 0) remark(levels_text(first, last) + " not yet asymptotic: left out of the fit");
+    if (first >= 0)
+      remark(WarningCode::shallow_levels, levels_words(first, last) + " not yet asymptotic: left out of the fit");
     first = -1;
     for (std::size_t i = first_fitted; i < rows.size(); ++i) {
       if (rows[i].usable || rows[i].second_moment == 0) continue;
@@ -382,7 +414,8 @@ class Conclusion {
       last = rows[i].level;
     }
     if (first >= 0) {
-      remark(levels_text(first, last) + " with fewer draws than 10 times their kurtosis: not usable in the fit");
+      remark(WarningCode::few_draws,
+             levels_words(first, last) + " with fewer draws than 10 times their kurtosis: not usable in the fit");
     }
   }
 

@@ -30,7 +30,7 @@ inline std::vector<std::uint64_t> bits_of(const Statistics& s) {
     count(row.last_level);
     count(row.is_base ? 1 : 0);
     count(row.count);
-    for (const double x : {row.mean, row.second_moment, row.fourth_moment, row.work, row.probability}) number(x);
+    for (const double x : {row.mean, row.second_moment, row.kurtosis, row.work, row.probability}) number(x);
   }
   for (const LargeSample& large : s.largest) {
     count(large.index);

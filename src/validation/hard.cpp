@@ -177,7 +177,7 @@ std::string doubts_of(const Statistics& s) {
   if (s.bias_bound.size > 0) {
     add("bias at most " + format("%.2g", s.bias_bound.size));
   }
-  for (const std::string& warning : s.warnings) add(first_clause(warning));
+  for (const Warning& warning : s.warnings) add(first_clause(warning.text));
   if (s.nonfinite > 0 || s.moments.count < 2) return all;
   const RunVerdict verdict = s.verdict();
   if (verdict.variance != Finiteness::finite) {

@@ -341,7 +341,8 @@ class Measurement {
         const Choice choice{
             .method = Method::single_term, .pmf = default_pmf(p), .base_level = p.lowest_base, .block = block};
         for (const std::int64_t n : {1000, 4096, 4097, 50'000, 100'000}) {
-          const std::int64_t samples = std::max<std::int64_t>(n / block, 2);
+          const std::int64_t samples = std::max<std::int64_t>(n / block, 2) * block;
+          const std::int64_t chunk = block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk;
           const auto run = [&](std::int64_t first, std::int64_t count, int threads) {
             return Result<double>(
                 p.run(choice, {.samples = count, .seed = plan_.seed, .first = first, .threads = threads}), 0.0);
@@ -353,12 +354,12 @@ class Measurement {
           };
           for (const int threads : {2, 3, 7}) hold(run(0, samples, threads));
           for (const std::int64_t shards : {2, 5}) {  // merged from the last to the first
-            const std::int64_t chunks = (samples - 1) / default_chunk + 1;
+            const std::int64_t chunks = (samples - 1) / chunk + 1;
             if (chunks < shards) continue;
             std::optional<Result<double>> whole;
             for (std::int64_t i = shards - 1; i >= 0; --i) {
-              const std::int64_t first = chunks * i / shards * default_chunk;
-              const std::int64_t last = i + 1 == shards ? samples : chunks * (i + 1) / shards * default_chunk;
+              const std::int64_t first = chunks * i / shards * chunk;
+              const std::int64_t last = i + 1 == shards ? samples : chunks * (i + 1) / shards * chunk;
               const auto part = run(first, last - first, 2);
               whole = whole ? merge(*whole, part) : part;
             }

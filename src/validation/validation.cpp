@@ -84,8 +84,9 @@ double predicted_kurtosis(const Problem& problem, const Choice& choice, const Pi
     const double p = probability(choice, level - choice.base_level);
     if (p * static_cast<double>(samples) < 1) break;
     const LevelSums& sums = moments[static_cast<std::size_t>(level)];
-    second += sums.square / pilot_draws / p;
-    fourth += sums.fourth / pilot_draws / (p * p * p);
+    const double square = sums.square / pilot_draws;
+    second += square / p;
+    fourth += sums.kurtosis() * square * square / (p * p * p);
   }
   return std::sqrt(second) > rounding_bound(std::abs(problem.truth)) ? fourth / (second * second) : 1;
 }

@@ -75,7 +75,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
                                                       {"estimator", "single_term_outcome"},
                                                       {"base_level", "3"},
                                                       {"block", "1e1"},
-                                                      {"time", "2.5s"},
+                                                      {"seconds", "2.5s"},
                                                       {"shard", "2/5"},
                                                       {"seed", "18446744073709551615"}});
   CHECK(run.problem->id == "A10");
@@ -87,7 +87,7 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
   CHECK(run.shard->index == 2);
   CHECK(run.shard->of == 5);
   CHECK(run.sampling.seed == 18446744073709551615u);
-  CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"pmf", "auto"}}).shape.by_recipe());
+  CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"estimator", "recipe"}}).shape.by_recipe());
   CHECK(read<commands::RunRequest>("run", {{"problem", "A01"}, {"estimator", "ratio_tracking"}})
             .shape.estimator->special == "ratio_tracking");
   CHECK(read<commands::MultilevelRequest>("run", {{"problem", "A01"}, {"estimator", "multilevel"}, {"error", "0.5"}})
@@ -111,8 +111,8 @@ TEST_CASE("a refusal names the option as it is typed, wherever it was found out"
 TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests][exact]") {
   const catalog::Problem& problem = catalog::find("A01");
   using commands::Estimator;
-  for (const commands::Pmf& pmf : std::vector<commands::Pmf>{commands::Declared{}, commands::ByRecipe{},
-                                                             AnyPmf(Geometric(0.1)), AnyPmf(Poisson(1.0 / 3))}) {
+  for (const commands::PmfChoice& pmf :
+       std::vector<commands::PmfChoice>{commands::Declared{}, AnyPmf(Geometric(0.1)), AnyPmf(Poisson(1.0 / 3))}) {
     for (const std::int64_t block : {1, 1000, 100'000}) {
       commands::RunRequest r{.problem = &problem, .shape = {.pmf = pmf, .block = block}};
       CHECK(survives(r));
@@ -133,6 +133,7 @@ TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests
   }
   CHECK(survives(commands::RunRequest{.problem = &catalog::find("B01"),
                                       .shape = {.estimator = Estimator{.special = "ratio_tracking"}}}));
+  CHECK(survives(commands::RunRequest{.problem = &problem, .shape = {.estimator = Estimator{.recipe = true}}}));
   CHECK(survives(commands::MultilevelRequest{.problem = &problem, .error = 0.1, .seed = 7}));
   CHECK(survives(commands::ValidateRequest{.problems = {&problem, &catalog::find("E06")}, .samples = 2}));
   CHECK(survives(commands::TradeoffRequest{.problem = &problem, .family = commands::Family::zeta, .points = 3}));

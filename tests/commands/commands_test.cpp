@@ -1,15 +1,18 @@
 // Commands without a door: requests made here, reports read here.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 
 #include "catch_shim.hpp"
 #include "commands/advise.hpp"
+#include "commands/describe.hpp"
 #include "commands/multilevel.hpp"
 #include "commands/replay.hpp"
 #include "commands/run.hpp"
@@ -56,7 +59,7 @@ TEST_CASE("a request with defaults alone runs a problem as its declared rates as
 
 TEST_CASE("a refusal names fields, and each door spells them", "[commands][exact]") {
   const BadRequest e({Field{"base_level"}, " = '1'; leave ", Field{"pmf"}, " out of base_level"});
-  CHECK(std::string(e.what()) == "base_level = '1'; leave PMF out of base_level");
+  CHECK(std::string(e.what()) == "base_level = '1'; leave pmf out of base_level");
   CHECK(e.spelled([](std::string_view f) { return "<" + std::string(f) + ">"; }) ==
         "<base_level> = '1'; leave <pmf> out of base_level");
 }
@@ -74,9 +77,19 @@ TEST_CASE("fields that do not go together are refused, whoever asks", "[commands
         }).find("more than one") != std::string::npos);
   CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a sweep is for") !=
         std::string::npos);
-  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("PMF auto chooses it") !=
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.block = 4}}); }).find("a recipe chooses it") !=
         std::string::npos);
-  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.pmf = ByRecipe{}}}); }).find("a replay needs") !=
+  const commands::Estimator by_recipe{.recipe = true};
+  for (const Shape& shape :
+       {Shape{.pmf = AnyPmf(Zeta(2.0))}, Shape{.estimator = by_recipe, .pmf = AnyPmf(Zeta(2.0))}}) {
+    CHECK(refusal([&] { advise({.problem = &problem(), .shape = shape}); }) ==
+          "pmf = 'zeta:s=2' (a recipe chooses it); leave it out");
+  }
+  CHECK(refusal([&] { advise({.problem = &problem(), .shape = {.estimator = truncated}}); }).find("a recipe is for") !=
+        std::string::npos);
+  CHECK(refusal([&] { replay({.problem = &problem(), .shape = {.estimator = by_recipe}}); }).find("has printed") !=
+        std::string::npos);
+  CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.estimator = by_recipe}}); }).find("a sweep is for") !=
         std::string::npos);
   CHECK(refusal([&] { validate({.samples = 1}); }).find("has no standard error") != std::string::npos);
   CHECK(refusal([&] { multilevel_of({.problem = &problem()}); }).find("takes its draws from error") !=
@@ -100,7 +113,9 @@ TEST_CASE("a run that is kept half way and extended has the bits of the whole", 
 
 TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
   RunRequest now;
-  const RunReport report = run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}},
+  const RunReport report = run({.problem = &problem(),
+                                .shape = {.estimator = commands::Estimator{.recipe = true}},
+                                .sampling = {.samples = 20'000}},
                                {}, {}, [&](const RunRequest& kept, const RunState&) { now = kept; });
   REQUIRE(report.advice);
   CHECK(std::get<AnyPmf>(now.shape.pmf).spec() == report.advice->pmf.spec());
@@ -134,6 +149,83 @@ TEST_CASE("shards join to the whole, and only to it", "[commands][exact]") {
   CHECK_THROWS_AS(merged(shards), BadPart);
 }
 
+TEST_CASE("samples are members at the doors: run, resume, shards, sweep and replay", "[commands][exact]") {
+  const Shape strata{.pmf = AnyPmf(Geometric(0.6)), .block = 64};
+  RunRequest asked{.problem = &problem(), .shape = strata, .sampling = {.samples = 10'000, .seed = 5}};
+  double told = 0;
+  double total = 0;
+  const RunReport whole = run(asked, [&](std::string_view, double done, double all) {
+    told = done;
+    total = all;
+    return true;
+  });
+  const Statistics& s = whole.statistics;
+  CHECK(s.samples == 10'048);
+  CHECK(s.blocks == 157);
+  CHECK(s.block == 64);
+  CHECK(total == 10'048);
+  CHECK(told <= total);
+  const std::string json = to_json(whole);
+  for (const char* field : {"\"samples\": 10048", "\"blocks\": 157", "\"block\": 64"}) {
+    CHECK_THAT(json, Catch::Contains(field));
+  }
+  std::ostringstream text;
+  print(text, whole);
+  CHECK_THAT(text.str(), Catch::Contains("10048 in 157 blocks of 64, seed 5"));
+
+  KeptRun kept;
+  RunRequest half = asked;
+  half.sampling.samples = 4000;
+  run(half, {}, {}, [&](const RunRequest& now, const RunState& sums) {
+    kept = {now, std::make_shared<RunState>(sums)};
+  });
+  CHECK(kept.sums->last() == 4032);
+  const auto [longer, earlier] = extended({.kept = kept, .samples = 10'000});
+  CHECK(validation::bits_of(run(longer, {}, earlier).statistics) == validation::bits_of(s));
+  CHECK(extended({.kept = kept, .samples = 4000}).first.sampling.samples == 4000);
+  CHECK(refusal([&] { extended({.kept = kept, .samples = 3968}); }).find("holds 4032 samples") != std::string::npos);
+
+  MergeRequest shards;
+  shards.same = [](const RunRequest&, const RunRequest&) { return true; };
+  for (const std::int64_t i : {3, 1, 2}) {
+    RunRequest part = asked;
+    part.shard = Shard{i, 3};
+    run(settled(part), {}, {}, [&](const RunRequest& now, const RunState& sums) {
+      kept = {now, std::make_shared<RunState>(sums)};
+    });
+    CHECK(kept.sums->first() % 1024 == 0);
+    shards.shards.emplace_back("part " + std::to_string(i), kept);
+  }
+  const KeptRun joined = merged(shards);
+  CHECK(validation::bits_of(run(joined.request, {}, {joined.sums}).statistics) == validation::bits_of(s));
+  asked.shard = Shard{1, 20};
+  CHECK(refusal([&] { settled(asked); }).find("10048 samples are only 10 chunks of 1024") != std::string::npos);
+
+  const LargeSample& largest = s.largest.front();
+  const ReplayReport again = replay({&problem(), strata, 5, largest.index + 13});
+  CHECK(again.trace.sample.value == largest.value);
+  CHECK(again.trace.member == 13);
+  std::ostringstream replayed;
+  print(replayed, again);
+  CHECK_THAT(replayed.str(),
+             Catch::Contains("block " + std::string(8, ' ') + std::to_string(largest.index / 64) + ", samples ") &&
+                 Catch::Contains("this one is member 13"));
+
+  const TradeoffReport sweep = tradeoff({.problem = &problem(), .points = 3, .shape = {.block = 16}, .samples = 4000});
+  bool measured = false;
+  for (const TradeoffPoint& p : sweep.points) {
+    if (!p.measured) continue;
+    measured = true;
+    const Statistics one = problem().run(
+        {sweep.setup.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
+         p.pmf, sweep.setup.base_level, "", 16},
+        {.samples = 4000});
+    CHECK(p.variance == one.components[0].variance);
+    CHECK(p.work == one.work_per_sample());
+  }
+  CHECK(measured);
+}
+
 TEST_CASE("a caller that ends a sweep gets its finished points, and takes them up again", "[commands][exact]") {
   const TradeoffRequest request{.problem = &problem(), .points = 3, .samples = 4000};
   const TradeoffReport whole = tradeoff(request);
@@ -161,6 +253,60 @@ TEST_CASE("JSON has null for what is not finite, and the digits of every double"
                     {"list", List{true, nullptr, 5.0}}};
   CHECK(json_line(f) ==
         "{\"x\":null,\"y\":0.1,\"n\":18446744073709551615,\"text\":\"\xef\xbf\xbd\",\"list\":[true,null,5.0]}");
+}
+
+TEST_CASE("the full text of a report holds more than the brief one, and JSON does not depend on it",
+          "[commands][exact]") {
+  const auto lines = [](const auto& report, bool full) {
+    std::ostringstream text;
+    print(text, report, full);
+    const std::string all = text.str();
+    return std::count(all.begin(), all.end(), '\n');
+  };
+  const auto longer = [&](const auto& report) { return lines(report, true) > lines(report, false); };
+  const RunReport by_recipe =
+      run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}});
+  CHECK(lines(by_recipe, false) <= 8 + std::ssize(by_recipe.statistics.warnings));
+  CHECK(longer(by_recipe));
+  CHECK(longer(run({.problem = &problem(), .sampling = {.samples = 1000}})));
+  CHECK(longer(survey({.problem = &problem(), .levels = 4, .samples = 100})));
+  CHECK(longer(advise({.problem = &problem(), .sampling = {.samples = 1000}})));
+  CHECK(longer(multilevel({.problem = &problem(), .error = 0.1})));
+  for (const char* key : {"\"evidence\"", "\"levels\"", "\"upper_tail\"", "\"reasons\"", "\"largest\"", "\"recipe\""}) {
+    CHECK(to_json(by_recipe).find(key) != std::string::npos);
+  }
+}
+
+TEST_CASE("a warning in JSON has a code and a text", "[commands][exact]") {
+  CHECK(json_line(std::vector<Warning>{{WarningCode::coupling, "wrong."}, {WarningCode::few_draws, "few."}}) ==
+        R"([{"code":"coupling","text":"wrong."},{"code":"few_draws","text":"few."}])");
+  const RunReport one = run({.problem = &problem(), .sampling = {.samples = 1}});
+  CHECK(to_json(one).find(R"("code": "one_sample")") != std::string::npos);
+}
+
+TEST_CASE("no PMF is another refusal than a request that cannot be done", "[commands][exact]") {
+  const auto refused = [](const RunRequest& request) -> std::optional<NoPmfError> {
+    try {
+      run(request);
+    } catch (const NoPmfError& e) {
+      return e;
+    } catch (const std::invalid_argument&) {
+    }
+    return std::nullopt;
+  };
+  for (const char* id : {"E06", "C12"}) {
+    const catalog::Problem& none = catalog::find(id);
+    const std::optional<NoPmfError> declared = refused({.problem = &none, .sampling = {.samples = 100}});
+    REQUIRE(declared);
+    CHECK(declared->grade() == NoPmfError::Grade::declared);
+    CHECK(declared->variance_decay().value == none.rates.variance_decay);
+    CHECK(json_line(describe(*declared)).find(R"("variance_decay_error":null)") != std::string::npos);
+  }
+  RunRequest typo{.problem = &problem(), .sampling = {.samples = 100}};
+  typo.shape.block = 4;
+  typo.shape.estimator = commands::Estimator{catalog::Method::independent_sum};
+  CHECK_FALSE(refused(typo));
+  CHECK_THROWS_AS(run(typo), BadRequest);
 }
 
 TEST_CASE("each report has a text and fields", "[commands][exact]") {

@@ -14,7 +14,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
-#include "core/checkpoint.hpp"
+#include "core/run_state_bytes.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/independent_sum.hpp>
@@ -120,7 +120,8 @@ TEST_CASE("the exchange of fine and coarse is found at 10,000 samples, by every 
       const auto result = judge(make, wrong, of_seed(seed));
       CHECK(result.coupling.state == State::wrong);
       REQUIRE(!result.warnings.empty());
-      CHECK_THAT(result.warnings.front(), Contains("wrong coupling") && Contains("fine and coarse exchanged"));
+      CHECK(result.warnings.front().code == WarningCode::coupling);
+      CHECK_THAT(result.warnings.front().text, Contains("wrong coupling") && Contains("fine and coarse exchanged"));
       const auto good = judge(make, right, of_seed(seed));
       CHECK(good.coupling.state == State::right);
       CHECK(warning_of(good.coupling).empty());
@@ -139,7 +140,8 @@ TEST_CASE("the exchange of fine and coarse is found at 10,000 samples, by every 
   // A recipe starts deep, where fine and coarse are nearly equal; its pilot sees the lower levels.
   const auto by_recipe = estimate(recipe(wrong), ten_thousand);
   REQUIRE(!by_recipe.warnings.empty());
-  CHECK_THAT(by_recipe.warnings.back(), Contains("every estimate from it is biased"));
+  CHECK(by_recipe.warnings.back().code == WarningCode::coupling);
+  CHECK_THAT(by_recipe.warnings.back().text, Contains("every estimate from it is biased"));
   CHECK(estimate(recipe(wrong, {.base_level = 0}), of_seed(1, 100'000)).coupling.state == State::wrong);
   const auto right_recipe = estimate(recipe(right), ten_thousand);
   CHECK(right_recipe.coupling.state == State::right);
@@ -334,7 +336,7 @@ TEST_CASE("zero differences of draws that vary at every level are a warning, of 
   };
   const auto warnings = [](const auto& e) {
     std::string all;
-    for (const std::string& w : estimate(e, of_seed(1, 2000)).warnings) all += w;
+    for (const Warning& w : estimate(e, of_seed(1, 2000)).warnings) all += w.text;
     return all;
   };
   const auto everywhere = [&](const auto& s, const auto& matcher) {

@@ -15,6 +15,7 @@
 #include <Eigen/Core>
 
 #include "catch_shim.hpp"
+#include "python/collecting.hpp"
 #include "validation/bits.hpp"
 
 #include <debias/core/estimate.hpp>
@@ -56,13 +57,20 @@ struct NoisyHalves {
 
 const auto debiased = single_term(squared_mean, Geometric(0.6));
 
+struct Memory {
+  std::vector<Sample<double>> samples;
+  std::size_t next = 0;
+  bool collecting = false;
+
+  void collect_queries(const std::function<void()>& draws) {
+    *this = {.samples = {}, .next = 0, .collecting = true};
+    draws();
+    collecting = false;
+  }
+};
+
 /// The same, made in the first pass and only handed out in the run.
 struct Collected {
-  struct Memory {
-    std::vector<Sample<double>> samples;
-    std::size_t next = 0;
-    bool collecting = false;
-  };
   Memory* memory;
 
   Sample<double> operator()(Stream& rng) const {
@@ -70,11 +78,6 @@ struct Collected {
     NullRecord record;
     memory->samples.push_back(debiased(rng, record));
     return {};
-  }
-  void collect_queries(const std::function<void()>& draws) const {
-    *memory = {.samples = {}, .next = 0, .collecting = true};
-    draws();
-    memory->collecting = false;
   }
 };
 
@@ -87,8 +90,8 @@ auto run(const E& estimator, std::int64_t first, std::int64_t samples, int threa
 
 // ---- equal bits
 
-TEST_CASE("an estimator that collects queries sees each draw before it counts, in order", "[core][estimate][exact]") {
-  Collected::Memory memory;
+TEST_CASE("a run that collects its queries sees each draw before it counts, in order", "[core][estimate][exact]") {
+  Memory memory;
   const auto silent = [](Stream& rng) {
     NullRecord record;
     return debiased(rng, record);
@@ -98,7 +101,7 @@ TEST_CASE("an estimator that collects queries sees each draw before it counts, i
                            Plan{.seed = 7, .threads = 1, .goal = {.error = 0.02}}}) {
     CAPTURE(plan.samples);
     const auto expected = estimate(silent, plan);
-    const auto collected = estimate(Collected{&memory}, plan);
+    const auto collected = python::estimate_collected(memory, Collected{&memory}, plan);
     CHECK(bits_of(collected) == bits_of(expected));
     CHECK(memory.next == memory.samples.size());
   }
@@ -321,7 +324,7 @@ TEST_CASE("samples that are not finite are counted, named and never skipped", "[
       CHECK(result.nonfinite == (n == 100 ? 1 : 2));
       CHECK(result.first_nonfinite == 70);
       REQUIRE(result.warnings.size() == 1);
-      CHECK_THAT(result.warnings[0], Catch::Contains("not finite") && Catch::Contains("seed 7, sample 70"));
+      CHECK_THAT(result.warnings[0].text, Catch::Contains("not finite") && Catch::Contains("seed 7, sample 70"));
       CHECK(result.largest.front().value < 1);
       std::ostringstream text;
       text << result;
@@ -436,16 +439,18 @@ TEST_CASE("a sample that carries the variance brings a warning, and a light tail
   const auto spiked = [](Stream& rng) { return rng.index() == 77 ? 1000.0 : rng.uniform(); };
   const auto dominated = run(spiked, 0, 10'000);
   REQUIRE(dominated.warnings.size() == 1);
-  CHECK_THAT(dominated.warnings[0], Catch::Contains("one sample carries 100 %") && Catch::Contains("sample 77"));
+  CHECK(dominated.warnings[0].code == WarningCode::dominant_sample);
+  CHECK_THAT(dominated.warnings[0].text, Catch::Contains("one sample carries 100 %") && Catch::Contains("sample 77"));
 
   const auto heavy = [](Stream& rng) { return std::pow(rng.uniform(), -0.49); };  // no fourth moment
   const auto uncertain = run(heavy, 0, 200);
   REQUIRE(uncertain.warnings.size() == 1);
-  CHECK_THAT(uncertain.warnings[0], Catch::Contains("uncertain by") || Catch::Contains("one sample carries"));
+  CHECK_THAT(uncertain.warnings[0].text, Catch::Contains("uncertain by") || Catch::Contains("one sample carries"));
 
   const auto few = run([](Stream& rng) { return rng.normal(); }, 0, 20);
   REQUIRE(few.warnings.size() == 1);
-  CHECK_THAT(few.warnings[0], Catch::Contains("standard error is itself uncertain by"));
+  CHECK(few.warnings[0].code == WarningCode::uncertain_error);
+  CHECK_THAT(few.warnings[0].text, Catch::Contains("standard error is itself uncertain by"));
 
   CHECK(run([](Stream& rng) { return rng.normal(); }, 0, 10'000).warnings.empty());
 }
@@ -455,7 +460,7 @@ TEST_CASE("one sample has a mean and no standard error", "[core][estimate][exact
   CHECK(result.mean == 2);
   CHECK(std::isnan(result.standard_error));
   REQUIRE(result.warnings.size() == 1);
-  CHECK_THAT(result.warnings[0], Catch::Contains("one sample has no standard error"));
+  CHECK_THAT(result.warnings[0].text, Catch::Contains("one sample has no standard error"));
 }
 
 TEST_CASE("a constant has no error, and infinite efficiency", "[core][estimate][exact]") {
@@ -492,45 +497,11 @@ TEST_CASE("the mean prints with two digits of its error, counted in its last two
   CHECK(with_error(1, std::numeric_limits<double>::quiet_NaN()) == "1 (no standard error)");
 }
 
-TEST_CASE("a result prints mean, interval, samples, work, time, efficiency and its warnings", "[core][result][exact]") {
-  Statistics s;
-  s.estimator = "single_term, geometric:r=0.6, base level 0";
-  s.seed = 7;
-  s.samples = 1'000'000;
-  s.components = {{0.75003, 0.0144, 0.00012}};
-  s.work = 4.25e6;
-  s.seconds = 0.5;
-  s.warnings = {"mind the tail."};
-  std::ostringstream text;
-  text << s;
-  CHECK(text.str() ==
-        "mean          0.75003(12)   95 % interval [0.7497948, 0.7502652]\n"
-        "estimator     single_term, geometric:r=0.6, base level 0\n"
-        "samples       1000000, seed 7\n"
-        "work          4.25e+06 (4.25 per sample)\n"
-        "seconds       0.5\n"
-        "efficiency    1.39e+08 = 1 / (variance x seconds per sample)\n"
-        "warning       mind the tail.\n");
-  s.first = 4096;
-  s.warnings.clear();
-  s.components.push_back({-2, 1, 0.001});
-  text.str("");
-  text << s;
-  CHECK(text.str() ==
-        "mean          0.75003(12)   95 % interval [0.7497948, 0.7502652]\n"
-        "              -2.0000(10)   95 % interval [-2.00196, -1.99804]\n"
-        "estimator     single_term, geometric:r=0.6, base level 0\n"
-        "samples       1000000, seed 7, from index 4096\n"
-        "work          4.25e+06 (4.25 per sample)\n"
-        "seconds       0.5\n"
-        "efficiency    1.97e+06 = 1 / (variance x seconds per sample)\n");
-}
-
 TEST_CASE("a result says when its samples are all equal, overflow, underflow or are coarser than their error",
           "[estimate][exact]") {
   const auto first_warning = [](const auto& e) {
     const auto result = estimate(e, {.samples = 1000});
-    return result.warnings.empty() ? std::string() : result.warnings.front();
+    return result.warnings.empty() ? std::string() : result.warnings.front().text;
   };
   const auto scaled_uniform = [](double scale) { return [scale](Stream& rng) { return scale * rng.uniform(); }; };
   CHECK(first_warning(scaled_uniform(1)).empty());

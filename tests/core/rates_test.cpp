@@ -1,9 +1,12 @@
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "catch_shim.hpp"
 
+#include <debias/core/no_pmf.hpp>
 #include <debias/core/rates.hpp>
 
 using namespace debias;
@@ -58,7 +61,52 @@ TEST_CASE("no PMF exists at the border, where variance and work rates meet", "[c
     FAIL("no PMF has both");
   } catch (const std::invalid_argument& e) {
     CHECK_THAT(e.what(),
-               Catch::Contains("exponent 1 ") && Catch::Contains("exponent 1.5") && Catch::Contains("no PMF has both"));
+               Catch::Contains("2^(-1 k)") && Catch::Contains("2^(1.5 k)") && Catch::Contains("no PMF has both"));
+  }
+}
+
+TEST_CASE("a refusal of declared rates has them as numbers, and rates that are none are another mistake",
+          "[core][rates][exact]") {
+  const auto refused = [](const auto& rates) -> std::optional<NoPmfError> {
+    try {
+      default_exponent(rates);
+    } catch (const NoPmfError& e) {
+      return e;
+    }
+    return std::nullopt;
+  };
+  const auto declared = refused(Rates{1, 1.5});
+  REQUIRE(declared);
+  CHECK(declared->variance_decay().value == 1);
+  CHECK(std::isnan(declared->variance_decay().error));
+  CHECK(declared->work_growth().value == 1.5);
+  CHECK(declared->grade() == NoPmfError::Grade::declared);
+  CHECK(declared->reason() == "E D_k^2 falls like 2^(-1 k) and work grows like 2^(1.5 k)");
+  CHECK_THAT(declared->help(), Catch::Contains("better coupling"));
+  CHECK(refused(Rates{2.5, 1, Decay::polynomial})->decay() == Decay::polynomial);
+  // What does not fall, or grows, is not said to fall.
+  CHECK_THAT(refused(Rates{0, 1})->reason(), Catch::StartsWith("E D_k^2 does not fall"));
+  CHECK_THAT(refused(Rates{-0.3, 0})->reason(), Catch::Equals("E D_k^2 grows like 2^(0.3 k) and work does not grow"));
+  // Measured: with their errors, and graded by them.
+  MeasuredRates m;
+  m.variance_decay = {0.5, 0.02};
+  m.work_growth = {1, 0};
+  CHECK(refused(m)->grade() == NoPmfError::Grade::shown);
+  CHECK(refused(m)->variance_decay().error == 0.02);
+  m.variance_decay = {0.97, 0.02};
+  CHECK(refused(m)->grade() == NoPmfError::Grade::likely);
+  CHECK_FALSE(refused(Rates{2, 1}));
+  // NaN is no rate: not a sequence without a PMF.
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK_FALSE(refused(Rates{2.1, 1}));
+  for (const Rates& unknown : {Rates{nan, 1}, Rates{1, nan}}) {
+    CHECK_THROWS_WITH(default_exponent(unknown), Catch::Contains("is not known"));
+    CHECK_THROWS_AS(default_exponent(unknown), std::invalid_argument);
+    try {
+      default_exponent(unknown);
+    } catch (const std::invalid_argument& e) {
+      CHECK(dynamic_cast<const NoPmfError*>(&e) == nullptr);
+    }
   }
 }
 

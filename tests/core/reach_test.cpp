@@ -125,15 +125,19 @@ TEST_CASE("every estimator with a PMF knows what its level takes, and a block co
   CHECK(single_term(Halving{10}, half).reach(0).beyond == 0x1p-10);                               // 1 + J > 10
   CHECK(single_term(Halving{10}, half, {.base = Base::one_outcome}).reach(0).beyond == 0x1p-11);  // J > 10
   CHECK(independent_sum(Halving{10}, half, {.base_level = 2}).reach(0).beyond == 0x1p-9);
-  CHECK(stratified(single_term(Halving{10}, half), 64).reach(0).members == 64);
+  CHECK(stratified(single_term(Halving{10}, half), 64).reach(0).block == 64);
   CHECK(progressive(Halving{10}, half, {.base_level = 0, .first_step = 1, .doublings = 1}).reach(7).beyond == 0x1p-7);
   CHECK(truncated(Halving{10}, 10).reach(0).beyond == 0);
   CHECK(truncated(Halving{10}, 11).reach(0).beyond == 1);
   CHECK(biased_progressive(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(2).beyond == 0);
   CHECK(biased_progressive(Halving{10}, {.base_level = 9, .first_step = 1, .doublings = 1}).reach(3).beyond == 1);
   const auto block = stratified(single_term(Halving{10}, Geometric(0.9)), 64);
-  CHECK(refusal_of([&] { estimate(block, {.samples = 1 << 18}); }) != "drawn");  // 2^24 members at 1e-10
-  CHECK(refusal_of([&] { detail::require_reach(block.reach(0), 1 << 17); }) == "drawn");
+  const std::string why = refusal_of([&] { estimate(block, {.samples = 1 << 24}); });  // at 1e-10 each
+  CHECK_THAT(why, Contains("samples = 16777216 in blocks of 64 (") && Contains("take at most 10005056 samples"));
+  CHECK(10'005'056 % 64 == 0);
+  CHECK(refusal_of([&] { detail::require_reach(block.reach(0), 10'005'056); }) == "drawn");
+  CHECK(refusal_of([&] { detail::require_reach(block.reach(0), 10'005'056 + 64); }) != "drawn");
+  CHECK(refusal_of([&] { detail::require_reach(block.reach(0), 1 << 23); }) == "drawn");
   // A base that cannot be drawn is no matter of chance.
   CHECK_THAT(refusal_of([&] { estimate(single_term(Halving{10}, half, {.base_level = 10}), {.samples = 1}); }),
              Contains("every one needs a level beyond 10") && Contains("lower base level"));
@@ -222,7 +226,7 @@ TEST_CASE("a recipe chooses within what can be drawn, says the price, and is unb
   CHECK(result.advice.pmf.spec().find("zeta") == 0);
   CHECK(result.advice.price > 1);
   std::string said;
-  for (const std::string& sentence : result.advice.sentences) said += sentence + "\n";
+  for (const Warning& w : result.advice.warnings) said += w.code == WarningCode::deepest_level ? w.text : "";
   CHECK_THAT(said, Contains("no level of 2^62 or more can be drawn") && Contains("times its variance x work"));
   CHECK(std::abs(result.mean - truth) < 4.5 * result.standard_error);
   // Halving differences that end at level 16: the tail is steeper, and a deep base is no choice.

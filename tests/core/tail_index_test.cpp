@@ -45,7 +45,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// A PMF of numbers with tail index xi, and whether they lie on a lattice.
+// A law of numbers with tail index xi, and whether they lie on a lattice.
 struct Family {
   std::string name;
   bool lattice;

@@ -109,7 +109,7 @@ Failures estimate_of(const V& shape, double claimed_step = 1) {
     require(std::abs(error - exact.standard_error()) <= rounding * error, "standard error of the samples", c);
     require(std::abs(mean - step / 2) <= 4.5 * error, "unbiased", c);
     const double exact_error = step / std::sqrt(12 * static_cast<double>(plan.samples));
-    require(std::abs(error / exact_error - 1) <= 4.5 * std::sqrt(0.8 / 4 / 1e4), "standard error of the PMF", c);
+    require(std::abs(error / exact_error - 1) <= 4.5 * std::sqrt(0.8 / 4 / 1e4), "standard error of the law", c);
   }
   if (result.components.size() != n) failures.emplace_back("as many component estimates as components");
   return failures;

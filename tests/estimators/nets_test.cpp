@@ -54,7 +54,7 @@ auto nets(const S& sequence, const Dyadic& pmf, Points points = Points::nets, st
 
 template <class E>
 double block_variance(const E& e, std::int64_t blocks = 512) {
-  return estimate(e, {.samples = blocks, .seed = 6}).moments.variance();
+  return estimate(e, {.samples = blocks * debias::detail::pieces_of(e).block, .seed = 6}).moments.variance();
 }
 
 /// Blocks of `waves` written out, right (none) or wrong on purpose.
@@ -224,30 +224,36 @@ TEST_CASE("chains and random series gain by the first number of each of their st
 
 TEST_CASE("levels, weights, threads and replay of blocks of nets are those of any block", "[nets][exact]") {
   const auto e = nets(waves, dyadic);
-  const auto run = estimate(e, {.samples = 40, .seed = 3, .threads = 1});
+  constexpr std::int64_t block = 64 + 16 + 8 + 2 + 1;
+  constexpr std::int64_t n = 40 * block;
+  const auto run = estimate(e, {.samples = n, .seed = 3, .threads = 1});
+  CHECK(run.samples == n);
+  CHECK(run.blocks == 40);
   CHECK(run.levels.front().count == 40 * 64);
   CHECK(run.levels.at(1).count == 40 * 16);
   CHECK(run.levels.at(3).count == 40 * 2);
   CHECK(run.levels.at(1).probability == 16.0 / 91);
-  CHECK(estimate(e, {.samples = 40, .seed = 3, .threads = 3}).mean == run.mean);
-  const auto merged =
-      merge(estimate(e, {.samples = 24, .seed = 3, .first = 16}), estimate(e, {.samples = 16, .seed = 3}));
+  CHECK(estimate(e, {.samples = n, .seed = 3, .threads = 3}).mean == run.mean);
+  const auto merged = merge(estimate(e, {.samples = 24 * block, .seed = 3, .first = 16 * block}),
+                            estimate(e, {.samples = 16 * block, .seed = 3}));
   CHECK(merged.mean == run.mean);
-  const auto once = trace(e, 3, 17);
-  REQUIRE(once.levels.size() == 91);
+  const auto once = trace(e, 3, 17 * block + 69);
+  CHECK(once.member == 69);
+  REQUIRE(once.levels.size() == block);
   Stream member = split_level(Stream(3, 17), 1).point(5);
-  CHECK(once.levels.at(64 + 5).difference == waves(1, member).difference);  // block 17, member 69
+  CHECK(once.levels.at(64 + 5).difference == waves(1, member).difference);
+  CHECK(once.levels.at(64 + 5).member == 69);
   CHECK(e.describe() ==
-        "stratified in blocks of 91 (residual, nets), single_term, base drawn, dyadic:6,4,3,1;theta=1.25, "
+        "stratified in blocks of 91 (residual, nets), single_term, base one outcome, dyadic:6,4,3,1;theta=1.25, "
         "base level 0");
-  CHECK_THROWS_AS(merge(estimate(nets(waves, dyadic, Points::plain), {.samples = 16, .seed = 3}),
-                        estimate(e, {.samples = 16, .seed = 3, .first = 16})),
+  CHECK_THROWS_AS(merge(estimate(nets(waves, dyadic, Points::plain), {.samples = 16 * block, .seed = 3}),
+                        estimate(e, {.samples = 16 * block, .seed = 3, .first = 16 * block})),
                   std::invalid_argument);
   // The same from a PMF chosen at run time.
   const AnyPmf any = AnyPmf::parse(dyadic.spec());
   const auto erased =
       stratified(single_term(waves, any, {.base = Base::one_outcome}), any.block(), Strata::residual, Points::nets);
-  CHECK(estimate(erased, {.samples = 40, .seed = 3}).mean == run.mean);
+  CHECK(estimate(erased, {.samples = n, .seed = 3}).mean == run.mean);
 }
 
 TEST_CASE("a level has its whole power of two of members, whatever rounding makes of n p", "[nets][exact]") {

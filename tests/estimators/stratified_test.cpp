@@ -1,9 +1,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <span>
+#include <sstream>
 #include <stdexcept>
+#include <type_traits>
 #include <vector>
 
 #include "catch_shim.hpp"
@@ -43,7 +46,9 @@ struct Counter {
 
 template <class E>
 double member_variance(const E& e, std::int64_t members, std::int64_t block) {
-  return estimate(e, {.samples = members / block, .seed = 4}).moments.variance() * static_cast<double>(block);
+  const auto r = estimate(e, {.samples = members, .seed = 4});
+  CHECK(r.block == block);
+  return r.components[0].variance;
 }
 
 /// The lower strata in place of the upper ones: shallow levels are left out, the others drawn twice as often.
@@ -194,25 +199,178 @@ TEST_CASE("strata take out the variance of choosing the level: n Var Z tends to 
 TEST_CASE("a block takes part in chunks of about a thousand members, with the same bits on any threads",
           "[stratified][exact]") {
   const auto member = single_term(SquaredMean{}, pmf);
-  for (const auto& [block, chunk] : {std::pair<int, int>{1, 512}, {2, 512}, {3, 256}, {64, 16}, {1024, 1}, {5000, 1}}) {
+  for (const auto& [block, chunk] :
+       {std::pair<int, int>{1, 512}, {2, 1024}, {3, 768}, {64, 1024}, {1024, 1024}, {5000, 5000}}) {
     CHECK(stratified(member, block).chunk() == chunk);
   }
   const auto e = stratified(member, 64);
-  const auto reference = estimate(e, {.samples = 300, .seed = 3, .threads = 1});
+  const std::int64_t n = 300 * 64;
+  const auto reference = estimate(e, {.samples = n, .seed = 3, .threads = 1});
   for (const int threads : {2, 3, 7, 64}) {
-    const auto run = estimate(e, {.samples = 300, .seed = 3, .threads = threads});
+    const auto run = estimate(e, {.samples = n, .seed = 3, .threads = threads});
     CHECK(run.mean == reference.mean);
     CHECK(run.standard_error == reference.standard_error);
   }
   const auto merged =
-      merge(estimate(e, {.samples = 284, .seed = 3, .first = 16}), estimate(e, {.samples = 16, .seed = 3}));
+      merge(estimate(e, {.samples = n - 1024, .seed = 3, .first = 1024}), estimate(e, {.samples = 1024, .seed = 3}));
   CHECK(merged.mean == reference.mean);
-  CHECK_THROWS_WITH(
-      merge(estimate(e, {.samples = 17, .seed = 3}), estimate(e, {.samples = 283, .seed = 3, .first = 17})),
-      Catch::Contains("multiple of 16"));
-  RunState blocks(16);
-  CHECK_THROWS_WITH(blocks.merge(RunState()), Catch::Contains("chunks of 16 and of 512"));
+  CHECK(merged.samples == n);
+  CHECK(merged.blocks == 300);
+  CHECK_THROWS_WITH(merge(estimate(e, {.samples = 17 * 64, .seed = 3}),
+                          estimate(e, {.samples = 283 * 64, .seed = 3, .first = 17 * 64})),
+                    Catch::Contains("multiple of 1024"));
+  RunState blocks(1024, 64);
+  CHECK_THROWS_WITH(blocks.merge(RunState()), Catch::Contains("chunks of 1024 in blocks of 64 and of 512"));
   CHECK_THROWS_WITH(RunState(12), Catch::Contains("power of two"));
+  CHECK_THROWS_WITH(RunState(192, 64), Catch::Contains("power of two of blocks of 64"));
+  CHECK_THROWS_WITH(RunState(1000, 64), Catch::Contains("power of two of blocks of 64"));
+  CHECK_NOTHROW(RunState(768, 3));
+}
+
+namespace {
+
+/// A block as one sample of work of its own: how samples were counted once.
+template <class E>
+struct AsOne {
+  E e;
+  std::int64_t blocks_of_chunk;
+  template <Record R>
+  auto operator()(Stream& rng, R& record) const {
+    return e(rng, record);
+  }
+  [[nodiscard]] std::int64_t chunk() const { return blocks_of_chunk; }
+};
+
+}  // namespace
+
+TEST_CASE("N samples in blocks have the bits of N / block blocks that count as samples", "[stratified][exact]") {
+  const auto member = single_term(SquaredMean{}, pmf);
+  for (const auto& [block, chunk] : {std::pair<std::int64_t, std::int64_t>{1, 512}, {3, 256}, {64, 16}, {100, 8}}) {
+    const auto e = stratified(member, block);
+    const AsOne<Stratified<std::remove_cvref_t<decltype(member)>>> one{e, chunk};
+    for (const Plan& asked : {Plan{.samples = 700, .seed = 5}, Plan{.samples = 80, .seed = 5, .first = 300},
+                              Plan{.seed = 6, .goal = {.error = 0.02}}}) {
+      Plan members = asked;
+      members.samples *= block;
+      members.first *= block;
+      const auto blocks = estimate(one, asked);
+      const auto samples = estimate(e, members);
+      CAPTURE(block, asked.samples, asked.first);
+      CHECK(samples.mean == blocks.mean);
+      CHECK(samples.standard_error == blocks.standard_error);
+      CHECK(samples.moments.m4 == blocks.moments.m4);
+      CHECK(samples.work == blocks.work);
+      CHECK(samples.upper_tail == blocks.upper_tail);
+      CHECK(samples.blocks == blocks.samples);
+      CHECK(samples.block == block);
+      CHECK(samples.samples == block * blocks.samples);
+      CHECK(samples.first == block * blocks.first);
+      CHECK(samples.largest.front().index == block * blocks.largest.front().index);
+      CHECK(trace(e, asked.seed, samples.largest.front().index).sample.value == samples.largest.front().value);
+    }
+  }
+}
+
+TEST_CASE("samples are members wherever they are counted, in whole blocks", "[stratified][exact]") {
+  const auto e = stratified(single_term(SquaredMean{}, pmf), 64);
+  const auto run = estimate(e, {.samples = 1000, .seed = 3});
+  CHECK(run.samples == 1024);
+  CHECK(run.blocks == 16);
+  CHECK(run.moments.count == 16);
+  CHECK(run.state.last() == 1024);
+  CHECK(run.components[0].standard_error ==
+        Approx(std::sqrt(run.components[0].variance / static_cast<double>(run.samples))).epsilon(1e-14));
+  CHECK(run.efficiency() == Approx(1 / (run.components[0].variance * run.seconds / 1024)).epsilon(1e-12));
+  std::ostringstream text;
+  text << run;
+  CHECK_THAT(text.str(), Catch::Contains("samples       1024 in 16 blocks of 64, seed 3\n"));
+
+  std::int64_t told = 0;
+  Plan plan{.samples = 100'000, .seed = 3, .threads = 1};
+  plan.progress = [&](std::int64_t done) {
+    told = done;
+    return true;
+  };
+  std::int64_t saved = 0;
+  std::int64_t planned = 0;
+  plan.save = [&](const RunState& state, const Plan& now) {
+    saved = state.last();
+    planned = now.samples;
+  };
+  const auto longer = estimate(e, plan);
+  CHECK(longer.samples == 100'032);
+  CHECK(told == 100'032);
+  CHECK(saved == 100'032);
+  CHECK(planned == 100'032);
+  CHECK(extend(e, run, {.samples = 100'000}).mean == longer.mean);
+  CHECK_THROWS_WITH(extend(e, run, {.samples = 900}), Catch::Contains("ask for at least those"));
+  CHECK(extend(e, run, {.samples = 1000}).samples == 1024);
+
+  CHECK_THROWS_WITH(estimate(e, {.samples = 64, .first = 100}),
+                    Catch::Contains("first = 100 (lies inside a block of 64") && Catch::Contains("take 64"));
+  CHECK_THROWS_WITH(estimate(e, {.samples = 0}), Catch::Contains("samples = 0"));
+  CHECK_THROWS_WITH(estimate(e, {.samples = std::numeric_limits<std::int64_t>::max()}),
+                    Catch::Contains("do not fit 64 bits"));
+  const auto one = estimate(e, {.samples = 1});
+  CHECK(one.samples == 64);
+  REQUIRE(!one.warnings.empty());
+  CHECK_THAT(one.warnings.front(), Catch::Contains("one block of 64 samples has no standard error"));
+  CHECK(one.state.block() == 64);
+}
+
+TEST_CASE("what goes wrong in a block names its first sample", "[stratified][exact]") {
+  const auto breaks = [](double bad) {
+    return [bad](std::int64_t level, Stream& rng) {
+      const double u = rng.uniform();
+      if (rng.index() == 7) {
+        if (std::isnan(bad)) throw std::runtime_error("no");
+        return base(bad);
+      }
+      return level == 0 ? base(u) : coupled(u, u / 2);
+    };
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  try {
+    estimate(stratified(single_term(breaks(nan), pmf), 16), {.samples = 1600, .seed = 3});
+    FAIL("drawn");
+  } catch (const SampleError& e) {
+    CHECK(e.index() == 7 * 16);
+  }
+  const auto infinite = [](Stream& rng) {
+    return rng.index() == 7 ? std::numeric_limits<double>::infinity() : rng.uniform();
+  };
+  const auto r = estimate(stratified(single_term([&](std::int64_t, Stream& rng) { return base(infinite(rng)); }, pmf,
+                                                 {.base = Base::one_outcome}),
+                                     16),
+                          {.samples = 1600});
+  CHECK(r.first_nonfinite == 7 * 16);
+  CHECK(r.nonfinite == 1);
+  REQUIRE(!r.warnings.empty());
+  CHECK_THAT(r.warnings.front(), Catch::Contains("1 of 100 blocks of 16 samples") && Catch::Contains("sample 112"));
+}
+
+TEST_CASE("a replay names block and member", "[stratified][exact]") {
+  const auto f = [](double x) { return 4 + 3 * std::sin(17 * x); };
+  const auto together = stratified(single_term(function_of_integral(f, functions::ExpMinus{}), pmf), 16);
+  const auto apart = stratified(single_term(SquaredMean{}, pmf, {.base = Base::one_outcome}), 16);
+  const auto check = [](const auto& e, std::size_t levels_of_member) {
+    const auto t = trace(e, 3, 16 * 5 + 11);
+    CHECK(t.block == 16);
+    CHECK(t.first == 80);
+    CHECK(t.member == 11);
+    std::map<std::int64_t, std::size_t> count;
+    for (const TracedLevel& l : t.levels) ++count[l.member];
+    CHECK(count.size() == 16);
+    for (const auto& [member, levels] : count) CHECK(levels == levels_of_member);
+    CHECK(t.sample.value == trace(e, 3, 80).sample.value);
+    CHECK(t.sample.value != trace(e, 3, 96).sample.value);
+  };
+  check(together, 2);
+  check(apart, 1);
+  const auto plain = trace(single_term(SquaredMean{}, pmf), 3, 91);
+  CHECK(plain.block == 1);
+  CHECK(plain.first == 91);
+  CHECK(plain.member == 0);
 }
 
 TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified][exact]") {
@@ -223,9 +381,9 @@ TEST_CASE("a block of one, its name, its replay and its refusals", "[stratified]
   const auto e = stratified(member, 8);
   const auto once = trace(e, 3, 17);
   CHECK(once.levels.size() == 16);
-  const auto run = estimate(e, {.samples = 64, .seed = 3});
-  CHECK(run.samples == 64);
-  CHECK(run.levels.front().count == 8 * 64);
+  const auto run = estimate(e, {.samples = 512, .seed = 3});
+  CHECK(run.samples == 512);
+  CHECK(run.levels.front().count == 512);
   CHECK(run.levels.at(1).probability == 0.6);
 }
 

@@ -23,7 +23,8 @@
 #include <nlohmann/json.hpp>
 
 #include "commands/run.hpp"
-#include "core/checkpoint.hpp"
+#include "core/part_file.hpp"
+#include "core/run_state_bytes.hpp"
 #include "render/photons.hpp"
 #include "render/transmittance.hpp"
 
@@ -53,10 +54,10 @@ void read_file(std::span<const std::byte> bytes) {
   const int file = memfd_create("fuzz", 0);
   demand(file >= 0 && write(file, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
   const std::string path = "/proc/self/fd/" + std::to_string(file);
-  Checkpoint parsed;
-  Checkpoint read;
-  const bool by_bytes = accepted([&] { parsed = parse_checkpoint(bytes); });
-  const bool by_file = accepted([&] { read = read_checkpoint(path); });
+  PartFile parsed;
+  PartFile read;
+  const bool by_bytes = accepted([&] { parsed = parse_parts(bytes); });
+  const bool by_file = accepted([&] { read = read_parts(path); });
   close(file);
   demand(by_bytes == by_file);
   demand(parsed.text == read.text && equal(parsed.parts, read.parts) && parsed.dropped == read.dropped);
@@ -66,7 +67,7 @@ Bytes file_of(std::span<const std::byte> text, std::span<const std::byte> record
   ByteWriter w;
   for (const char c : std::string_view("DEBIASCP")) w.number(static_cast<unsigned char>(c));
   constexpr auto layout = static_cast<std::uint32_t>(Stream::layout_version);
-  for (const std::uint32_t number : {3U, 0x01020304U, layout}) w.number(number);
+  for (const std::uint32_t number : {4U, 0x01020304U, layout}) w.number(number);
   w.text({reinterpret_cast<const char*>(text.data()), text.size()});
   w.number(crc32(w.bytes));
   ByteReader r(records);

@@ -52,7 +52,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   refused_or([&] {
     if (const std::uint64_t n = parse_count(text, "n", 3, 1'000'000); n < 3 || n > 1'000'000) std::abort();
   });
-  for (const char* field : {"confidence", "time", "seed", "shard", "estimator", "base_level"}) {
+  for (const char* field : {"confidence", "seconds", "seed", "shard", "estimator", "base_level"}) {
     refused_or([&] {
       cli::Words words = cli::usual_words("run");
       words.values["problem"] = "A01";

@@ -2,7 +2,7 @@
 
 // What every estimator must satisfy, as a list of the claims that failed:
 //
-//   CHECK(PMFs::estimator_laws(e, truth) == PMFs::Failures{});
+//   CHECK(laws::estimator_laws(e, truth) == laws::Failures{});
 //
 //   replay     the same sample gives the same bits, and trace gives those of a run
 //   record     work is positive and the sum over what a sample reports, its level the deepest of it
@@ -48,7 +48,7 @@ class EstimatorLaws {
   using V = estimate_value_t<E>;
 
   EstimatorLaws(const E& estimator, const V& truth, const EstimatorLawOptions& options)
-      : estimator_(estimator), truth_(truth), options_(options) {}
+      : estimator_(estimator), truth_(truth), options_(options), block_(debias::detail::pieces_of(estimator).block) {}
 
   Failures check() {
     replay();
@@ -67,9 +67,9 @@ class EstimatorLaws {
 
   void replay() {
     for (std::int64_t i = 0; i < 64; ++i) {
-      const auto one = trace(estimator_, options_.seed, i);
-      const auto two = trace(estimator_, options_.seed, i);
-      const auto run = estimate(estimator_, {.samples = 1, .seed = options_.seed, .first = i, .threads = 1});
+      const auto one = trace(estimator_, options_.seed, i * block_);
+      const auto two = trace(estimator_, options_.seed, i * block_);
+      const auto run = estimate(estimator_, {.samples = 1, .seed = options_.seed, .first = i * block_, .threads = 1});
       for (std::size_t c = 0; c < component_count(one.sample.value); ++c) {
         const auto bits = [c](const V& v) { return std::bit_cast<std::uint64_t>(component(v, c)); };
         if (bits(one.sample.value) != bits(two.sample.value)) return fail("replay: sample ", i, " has other bits");
@@ -101,7 +101,7 @@ class EstimatorLaws {
   }
 
   void unbiased() {
-    const Result<V> result = estimate(estimator_, {.samples = options_.samples, .seed = options_.seed});
+    const Result<V> result = estimate(estimator_, {.samples = options_.samples * block_, .seed = options_.seed});
     for (std::size_t c = 0; c < component_count(truth_); ++c) {
       if (std::abs(z(result, c)) <= options_.z_limit) continue;
       fail("unbiased: component ", c, " is ", result.components[c].mean, ", ", z(result, c), " standard errors from ",
@@ -113,7 +113,7 @@ class EstimatorLaws {
     std::vector<std::vector<double>> columns(component_count(truth_));
     for (std::int64_t r = 1; r <= options_.repeats; ++r) {
       const std::uint64_t seed = options_.seed + static_cast<std::uint64_t>(r);
-      const Result<V> result = estimate(estimator_, {.samples = options_.samples_per_repeat, .seed = seed});
+      const Result<V> result = estimate(estimator_, {.samples = options_.samples_per_repeat * block_, .seed = seed});
       for (std::size_t c = 0; c < columns.size(); ++c) {
         if (result.components[c].standard_error > options_.rounding * std::abs(component(truth_, c))) {
           columns[c].push_back(z(result, c));
@@ -137,15 +137,16 @@ class EstimatorLaws {
   const E& estimator_;
   const V& truth_;
   EstimatorLawOptions options_;
+  std::int64_t block_;  // the options count blocks
   Failures failures_;
 };
 
 }  // namespace detail
 
-/// Every broken PMF in words; empty when all are kept.
+/// Every broken law in words; empty when all are kept.
 template <Estimator E>
 Failures estimator_laws(const E& estimator, const estimate_value_t<E>& truth, const EstimatorLawOptions& options = {}) {
   return detail::EstimatorLaws<E>(estimator, truth, options).check();
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

@@ -16,4 +16,4 @@ inline bool names(const Failures& failures, const std::string& claim) {
                      [&claim](const std::string& f) { return f.rfind(claim, 0) == 0; });
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

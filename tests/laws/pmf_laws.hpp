@@ -2,7 +2,7 @@
 
 // What every PMF of the random level must satisfy, as a list of the claims that failed:
 //
-//   CHECK(PMFs::pmf_laws(Geometric(0.6)) == PMFs::Failures{});
+//   CHECK(laws::pmf_laws(Geometric(0.6)) == laws::Failures{});
 //
 // masses: positive, the differences of the tails, and summing to them. inverse: sample(u) is the largest j
 // with u <= tail(j), on both sides of every jump, at the smallest and largest uniforms, and falls with u.
@@ -183,4 +183,4 @@ Failures pmf_laws(const P& p) {
   return verdict.failures();
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

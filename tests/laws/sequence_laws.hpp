@@ -2,14 +2,14 @@
 
 // The laws that every sequence of biased estimates must keep, as one call:
 //
-//   CHECK(PMFs::sequence_laws(s) == PMFs::Failures{});             // prints every broken PMF
-//   CHECK(PMFs::sequence_laws(wrong_s) != PMFs::Failures{});       // the power check beside it
+//   CHECK(laws::sequence_laws(s) == laws::Failures{});             // prints every broken law
+//   CHECK(laws::sequence_laws(wrong_s) != laws::Failures{});       // the power check beside it
 //
 //   replay        the same (seed, index, level) gives the same bits and uses the same random numbers
 //   base          at level 0 the difference is the value
 //   work          is positive and finite
 //   telescoping   E I_k - E I_(k-1) = E D_k, the three means from independent streams; where hooks give differences only,
-//                 no run checks its coupling (core/coupling.hpp), and these PMFs alone do
+//                 no run checks its coupling (core/coupling.hpp), and these laws alone do
 //   same means    value_at(k), difference_at(k) and shared(N, m), where offered, mean what I_k and D_k mean
 //   batches       values, differences and shared of many members, where offered, are those of one by one
 //   rates         log2 E D_k^2 and log2 E work_k have the declared slopes over the upper levels
@@ -383,10 +383,10 @@ class SequenceLaws {
 
 }  // namespace detail
 
-/// Every broken PMF in words; empty when all are kept.
+/// Every broken law in words; empty when all are kept.
 template <debias::BiasedSequence S>
 Failures sequence_laws(const S& s, const SequenceLawOptions& options = {}) {
   return detail::SequenceLaws<S>(s, options).check();
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

@@ -2,7 +2,7 @@
 
 // What every type that takes part in an estimate must satisfy, as a list of the claims that failed:
 //
-//   CHECK(PMFs::value_laws<V>({a, b, c}) == PMFs::Failures{});
+//   CHECK(laws::value_laws<V>({a, b, c}) == laws::Failures{});
 //
 //   components   can be set one by one and read back; changing a copy leaves the original alone
 //   arithmetic   +, -, scaled and zero_like work component by component
@@ -128,10 +128,10 @@ class ValueLaws {
 
 }  // namespace detail
 
-/// Every broken PMF in words; empty when all are kept.
+/// Every broken law in words; empty when all are kept.
 template <Value V>
 Failures value_laws(const std::vector<V>& examples) {
   return detail::ValueLaws<V>().check(examples);
 }
 
-}  // namespace debias::PMFs
+}  // namespace debias::laws

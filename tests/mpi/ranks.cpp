@@ -60,11 +60,11 @@ void bits() {
   for (const auto& [name, choice] : problems) {
     for (const std::int64_t n : {1000, 4096, 4097, 100'000, 1'000'000}) {
       if (n * choice.block > 1'000'000) continue;
+      const std::int64_t samples = n * choice.block;
       const catalog::Problem& problem = catalog::find(name);
-      Plan plan{.samples = n, .seed = 4};
+      Plan plan{.samples = samples, .seed = 4};
       const Statistics alone = problem.run(choice, plan);
-      const auto all = mpi::ranks_of(MPI_COMM_WORLD);
-      plan.ranks = all.get();
+      plan.ranks = mpi::ranks_of(MPI_COMM_WORLD);
       check(same(problem.run(choice, plan), alone), std::string(name) + " at " + std::to_string(n));
     }
   }
@@ -96,8 +96,7 @@ void goals() {
   MPI_Bcast(&samples, 1, MPI_INT64_T, 0, MPI_COMM_WORLD);
   check(samples == by_time.samples, "samples of a time");
   check(by_time.seconds < 3, "the time itself");
-  const auto all = mpi::ranks_of(MPI_COMM_WORLD);
-  const auto more = extend(draw, by_error, {.goal = {.error = 5e-4}, .ranks = all.get()});
+  const auto more = extend(draw, by_error, {.goal = {.error = 5e-4}, .ranks = mpi::ranks_of(MPI_COMM_WORLD)});
   check(same(more, estimate(draw, {.seed = 5, .goal = {.error = 5e-4}})), "bits of more samples");
 }
 

@@ -187,7 +187,7 @@ TEST_CASE("no whole run ends in a number beside callables that returned none", "
             [&] { return estimate(single_term(coupled_draw, Geometric(0.6)), one_thread).mean; });
   check_run("estimate", "x", [&] {
     return estimate(stratified(single_term(function_of_mean(draws, functions::Log{})), 16),
-                    {.samples = 256, .threads = 1})
+                    {.samples = 16 * 256, .threads = 1})
         .mean;
   });
   check_run("recipe", "sequence", [&] { return estimate(recipe(coupled_draw), one_thread).mean; });

@@ -62,7 +62,7 @@ TEST_CASE("blocks of any kind draw level k n p_k times on average", "[property][
     RC_PRE(strata != Strata::residual || pmf.tail(1 << 15) < 1e-3);
     constexpr std::int64_t blocks = 300;
     const auto r = estimate(stratified(single_term(halves, pmf, {.base = Base::one_outcome}), n, strata),
-                            {.samples = blocks, .seed = *rc::gen::arbitrary<std::uint64_t>(), .threads = 1});
+                            {.samples = blocks * n, .seed = *rc::gen::arbitrary<std::uint64_t>(), .threads = 1});
     for (const LevelRow& row : r.levels) {
       if (row.level != row.last_level) continue;
       const double expected = static_cast<double>(blocks * n) * pmf.mass(row.level);

@@ -93,7 +93,7 @@ class SameBits(unittest.TestCase):
 
     def test_program(self):
         for name, options in (("A10", {}), ("european-call", {"pmf": "geometric:r=0.7", "threads": 3}),
-                              ("A10", {"pmf": "auto", "seed": 5}), ("furnace", {"estimator": "roulette"}),
+                              ("A10", {"estimator": "recipe", "seed": 5}), ("furnace", {"estimator": "roulette"}),
                               ("B14", {"estimator": "reciprocal_trials"}), ("A01", {"error": 0.01, "base_level": 1})):
             if "error" not in options:
                 options["samples"] = 20000
@@ -108,6 +108,7 @@ class SameBits(unittest.TestCase):
                     return [line for line in text.splitlines() if not line.startswith(times)]
 
                 self.assertEqual(steady(str(result)), steady(program("run", name, *words)))
+                self.assertEqual(steady(result.full()), steady(program("run", name, *words, "--full")))
 
     def test_other_commands(self):
         self.same_json(debias.survey("A10", levels=6, samples=2000).to_dict(),
@@ -132,7 +133,6 @@ class SameBits(unittest.TestCase):
         mean = debias.function_of_mean(lambda x: 1 + x[:, 0] * x[:, 0], "reciprocal")
         comb = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "log")
         jittered = debias.function_of_integral(lambda x: 1 + x[:, 0] * x[:, 0], "power:1.5", points="jittered")
-        blocks = {**plan, "samples": 30000 // 8 * 8}
         runs = {"scalar": (SCALAR, {**plan, "pmf": PMF}),
                 "drawn": (SCALAR, {**plan, "pmf": PMF, "estimator": "single_term_outcome", "base_level": 1}),
                 "sum": (SCALAR, {**plan, "pmf": PMF, "estimator": "independent_sum"}),
@@ -141,7 +141,7 @@ class SameBits(unittest.TestCase):
                 "mean": (mean, {**plan, "pmf": PMF}),
                 "comb": (comb, {**plan, "pmf": "geometric:r=0.8"}),
                 "jittered": (jittered, {**plan, "pmf": "geometric:r=0.8"}),
-                "recipe": (SCALAR, {**plan, "pmf": "auto"})}
+                "recipe": (SCALAR, {**plan, "estimator": "recipe"})}
         self.assertEqual(set(runs) | {"sample"}, set(expected))
         for name, (problem, options) in runs.items():
             with self.subTest(name), warnings.catch_warnings():
@@ -150,6 +150,30 @@ class SameBits(unittest.TestCase):
                 got = [x for pair in zip(np.atleast_1d(r.mean), np.atleast_1d(r.standard_error)) for x in pair]
                 self.assertEqual(got + [r.work], expected[name])
         self.assertEqual(debias.replay(SCALAR, 12345, seed=11, pmf=PMF)["value"], expected["sample"][0])
+
+    def test_samples_are_members_and_blocks_stand_beside_them(self):
+        for problem in ("A10", SCALAR):
+            result = debias.estimate(problem, samples=10_000, seed=4, pmf=PMF, block=64)
+            self.assertEqual((result.samples, result.blocks, result.block), (10_048, 157, 64))
+            self.assertIn("10048 in 157 blocks of 64, seed 4", str(result))
+            self.assertEqual(result.to_dict()["blocks"], 157)
+            values = debias.samples(problem, 10_048, seed=4, pmf=PMF, block=64)
+            self.assertEqual(values.shape, (157,))  # a value a block
+            np.testing.assert_allclose(values.mean(), result.mean, rtol=1e-12)
+            part = debias.samples(problem, 640, seed=4, first=1280, pmf=PMF, block=64)
+            np.testing.assert_array_equal(values[20:30], part)
+            largest = result.largest[0]
+            self.assertEqual(values[largest["index"] // 64], largest["value"])
+            again = debias.replay(problem, int(largest["index"]) + 5, seed=4, pmf=PMF, block=64)
+            self.assertEqual(again["value"], largest["value"])
+            self.assertEqual((again["member"], again["first_of_block"]), (5, largest["index"]))
+            for wrong in ({"n": 100}, {"n": 64, "first": 10}):
+                with self.assertRaisesRegex(ValueError, "take a multiple of 64"):
+                    debias.samples(problem, seed=4, pmf=PMF, block=64, **wrong)
+        plain = debias.estimate("A10", samples=1000, pmf=PMF)
+        self.assertEqual((plain.samples, plain.blocks, plain.block), (1000, 1000, 1))
+        vectors = debias.samples(VECTOR, 640, seed=4, pmf=PMF, block=64)
+        self.assertEqual(vectors.shape, (10, VECTOR.components))
 
     def test_samples_are_those_of_the_run(self):
         for problem in ("A10", SCALAR, VECTOR):
@@ -201,6 +225,80 @@ class Results(unittest.TestCase):
                 debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
             debias.estimate("A10", samples=1e5)
 
+    def test_warnings_have_codes(self):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            result = debias.estimate("A10", samples=1)
+        self.assertEqual([w.code for w in result.warnings], ["one_sample"])
+        self.assertIn("no standard error", str(result.warnings[0]))
+        self.assertEqual(str(result.warnings[0]), result.warnings[0].text)
+        self.assertEqual(result.to_dict()["warnings"], [{"code": "one_sample", "text": result.warnings[0].text}])
+        self.assertEqual([w.message for w in caught], result.warnings)
+        self.assertEqual(pickle.loads(pickle.dumps(result.warnings)), result.warnings)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
+        self.assertIn("infinite_variance", [w.message.code for w in caught])
+        self.assertEqual([w.code for w in debias.diagnose([1.0]).warnings], ["one_sample"])
+        self.assertEqual(debias.diagnose([1.0, 2.0, 4.0]).warnings, [])
+        survey = debias.survey("A10", levels=8, samples=1000)
+        self.assertEqual([r.text for r in survey.remarks], [r["text"] for r in survey["remarks"]])
+        self.assertTrue(all(r.code for r in survey.remarks))
+
+    def test_no_pmf_is_no_typing_error(self):
+        for options, grade in ({}, "declared"), ({"pmf": "auto"}, None):
+            with self.assertRaisesRegex(debias.NoPmfError, "no PMF has") as caught:
+                debias.estimate("gbm-by-euler", **options)
+            e = caught.exception
+            self.assertIsInstance(e, ValueError)
+            self.assertIn(e.grade, [grade] if grade else ["shown", "likely"])
+            self.assertEqual(e.variance_decay_error is None, grade == "declared")
+            self.assertAlmostEqual(e.variance_decay, 1, delta=0.3)
+            self.assertAlmostEqual(e.work_growth, 1, delta=0.05)
+            self.assertEqual(e.decay, "geometric")
+            self.assertIn("E D_k^2 falls like 2^(-", e.reason)
+            self.assertIn("coupling", e.help)
+            again = pickle.loads(pickle.dumps(e))
+            self.assertEqual((str(again), again.reason, again.grade), (str(e), e.reason, e.grade))
+        with self.assertRaises(debias.NoPmfError) as caught:
+            debias.samples("black-scholes-gamma", 10)
+        self.assertIn("E D_k^2 grows like 2^(1 k)", caught.exception.reason)
+        for options in {"pmf": "geometrc:r=0.5"}, {"samples": -1}, {"base_level": "x"}:
+            with self.assertRaises(ValueError) as caught:
+                debias.estimate("gbm-by-euler", **options)
+            self.assertNotIsInstance(caught.exception, debias.NoPmfError)
+
+    def test_reports_are_brief_unless_full(self):
+        reports = [debias.estimate("A10", samples=20000), debias.estimate("A10", samples=20000, pmf="auto"),
+                   debias.estimate("A10", estimator="multilevel", error=0.05), debias.recipe("A10", samples=20000),
+                   debias.survey("A10", levels=6, samples=1000), debias.diagnose(np.arange(1, 2000) ** 0.5)]
+        for report in reports:
+            self.assertGreater(len(report.full().splitlines()), len(str(report).splitlines()))
+        brief = str(reports[0])
+        self.assertLessEqual(len(brief.splitlines()), 8)
+        self.assertEqual(len(re.findall("(?m)^verdict ", brief)), 1)
+        for word in "efficiency", "coupling", "upper tail", "largest":
+            self.assertNotIn(word, brief)
+            self.assertIn(word, reports[0].full())
+        replay = debias.replay("A10", 7, seed=3)
+        self.assertEqual(replay.full(), str(replay))
+
+    def test_long_arrays_show_their_ends(self):
+        def wide(n):
+            return debias.levels(lambda k, u: u[:, :1] * np.arange(1, n + 1) if k == 0 else
+                                 (u[:, :1] * np.arange(1, n + 1),) * 2, dimension=1, components=n, rates=(2, 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", debias.DebiasWarning)
+            short, long = (debias.estimate(wide(n), samples=1000, pmf=PMF) for n in (16, 40))
+        self.assertNotIn("...", repr(short))
+        self.assertNotIn("left out", str(short))
+        self.assertIn("(40 components)", repr(long))
+        self.assertLess(len(repr(long)), 400)
+        self.assertIn("(40 components)", repr(long.confidence_interval))
+        self.assertNotIn("...", repr(short.confidence_interval))
+        self.assertIn("... 34 of 40 components are left out ...", str(long))
+        self.assertEqual(len(long.to_dict()["components"]), 40)
+
     def test_diagnose_takes_any_array(self):
         values = debias.samples("A10", 4000)
         expected = debias.diagnose(values)["mean"]
@@ -229,9 +327,10 @@ class Results(unittest.TestCase):
             result = debias.diagnose(masked)
             self.assertEqual(result["values"], kept.size)
             self.assertAlmostEqual(result.mean, kept.mean(), delta=1e-15)
-            self.assertEqual(result.warnings[-1], f"{mask.sum()} of 2000 values are masked or missing, the first is "
+            self.assertEqual(result.warnings[-1].text, f"{mask.sum()} of 2000 values are masked or missing, the first is "
                              f"value {np.argmax(mask) + 1}: they are left out of everything here.")
-            self.assertIn(result.warnings[-1], str(result))
+            self.assertEqual(result.warnings[-1].code, "missing_values")
+            self.assertIn(str(result.warnings[-1]), str(result))
             np.testing.assert_array_equal(data.ravel()[result.largest["index"]], result.largest["value"])
         strided = np.ma.array(np.arange(12.0), mask=[i % 4 == 0 for i in range(12)])[::2]
         self.assertEqual(debias.diagnose(strided).mean, (2 + 6 + 10) / 3)
@@ -300,9 +399,9 @@ class Results(unittest.TestCase):
         # every function that takes a seed
         for f in (lambda **seed: debias.survey("A10", levels=3, samples=500, **seed),
                   lambda **seed: debias.tradeoff("A10", points=2, samples=500, **seed),
-                  lambda **seed: debias.recipe("A10", **seed),
+                  lambda **seed: debias.advise("A10", **seed),
                   lambda **seed: debias.estimate("A10", estimator="multilevel", error=0.1, **seed),
-                  lambda **seed: debias.estimate(SCALAR, samples=500, pmf="auto", **seed),
+                  lambda **seed: debias.estimate(SCALAR, samples=500, estimator="recipe", **seed),
                   lambda **seed: debias.samples("A10", 100, **seed),
                   lambda **seed: debias.samples(VECTOR, 100, pmf=PMF, **seed)):
             fresh, other, again = f(seed=None), f(seed=None), f()
@@ -387,7 +486,7 @@ class OwnProblems(unittest.TestCase):
         self.assertLessEqual(len(calls), 20)  # one block
         self.assertEqual(sum(n for level, n in calls if level > 0), 1 << 15)
 
-    def test_recipe_and_pmf(self):
+    def test_recipe_and_advice(self):
         without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
         r = debias.estimate(without_rates, samples=1 << 16)
         self.assertIsNotNone(r["recipe"])
@@ -398,7 +497,7 @@ class OwnProblems(unittest.TestCase):
         self.assertEqual(debias.estimate(SCALAR, samples=1000).pilot_work, 0)
         self.assertGreater(debias.estimate(SCALAR, estimator="multilevel", error=0.1).pilot_work, 0)
         self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error)
-        self.assertEqual(debias.recipe(without_rates)["pmf_exists"], "yes")
+        self.assertEqual(debias.advise(without_rates)["pmf_exists"], "yes")
         alone = debias.levels(lambda k, u: powers(square)(k, u) if k == 0 else
                               np.subtract(*powers(square)(k, u)), dimension=lambda k: 2**k, rates=(2, 1))
         self.assertEqual(debias.estimate(alone, samples=10000, pmf=PMF).mean,
@@ -460,11 +559,16 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "samples", e, "A10", samples=2.5)
         self.raises(ValueError, "samples", e, "A10", samples=10**30)
         self.raises(ValueError, "error", e, "A10", error=float("nan"))
-        self.raises(ValueError, "^error, relative_error, time: more than one", e, "A10", error=1, time=1)
+        self.raises(ValueError, "^error, relative_error, seconds: more than one", e, "A10", error=1, seconds=1)
         self.raises(ValueError, "seed", e, "A10", seed=-3)
         self.raises(ValueError, "PMF.*did you mean", e, "A10", pmf="geometrc:r=0.5")
         self.raises(ValueError, "base_level", e, "A10", base_level="x")
-        self.raises(ValueError, "no PMF|PMF", e, "gbm-by-euler", pmf="auto")
+        self.raises(ValueError, "no PMF|PMF", e, "gbm-by-euler", estimator="recipe")
+        self.raises(ValueError, "^estimator = 'recipe'", debias.samples, "A10", 3, estimator="recipe")
+        self.raises(ValueError, "^pmf = 'zeta:s=2' .a recipe chooses it", e, "A10", estimator="recipe", pmf="zeta:s=2")
+        without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
+        self.raises(ValueError, "declares no rates", e, without_rates, estimator="independent_sum")
+        self.raises(ValueError, "declares no rates", debias.samples, without_rates, 3)
         self.raises(TypeError, "progress", e, "A10", progress=3)
         self.raises(ValueError, "n = 0", debias.samples, "A10", 0)
         self.raises(TypeError, "n: float", debias.samples, "A10", 10.0)
@@ -473,10 +577,27 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "no value", debias.diagnose, [])
         self.raises(TypeError, "U1|object", debias.diagnose, ["a"])
 
+    @ignoring_doubts
+    def test_names_of_0_1_say_what_they_are_now(self):
+        for f, *arguments in ((debias.estimate, "A10"), (debias.samples, "A10", 3), (debias.replay, "A10", 3),
+                              (debias.survey, "A10"), (debias.tradeoff, "A10"), (debias.advise, "A10")):
+            self.raises(ValueError, "^`law=` is `pmf=` since 0.2$", f, *arguments, law="zeta:s=2")
+            self.raises(ValueError, "^`law='auto'` is `estimator='recipe'` since 0.2$", f, *arguments, law="auto")
+            self.raises(ValueError, "^`time=` is `seconds=` since 0.2$", f, *arguments, time=1)
+            self.raises(TypeError, "unexpected keyword argument 'laws'", f, *arguments, laws=1)
+        self.raises(ValueError, "^`pmf='auto'` is `estimator='recipe'` since 0.2$", debias.estimate, "A10", pmf="auto")
+        self.raises(ValueError, r"^`laws\(\)` is `pmfs\(\)` since 0.2$", lambda: debias.laws())
+        self.raises(ValueError, r"^`recipe\(\)` is `advise\(\)` since 0.2$", lambda: debias.recipe("A10"))
+        self.raises(AttributeError, "no attribute 'lows'", lambda: debias.lows())
+        result = debias.estimate("A10", samples=100)
+        self.raises(ValueError, r"`\['law'\]` is `\['pmf'\]` since 0.2", lambda: result["law"])
+        self.raises(KeyError, "^'lows'$", lambda: result["lows"])
+        self.raises(ValueError, "pmf_exists", lambda: debias.survey("A10", levels=3, samples=100)["law_exists"])
+
     def test_seeds(self):
         takers = {"estimate": (debias.estimate, "A10"), "samples": (debias.samples, "A10", 3),
                   "survey": (debias.survey, "A10"), "tradeoff": (debias.tradeoff, "A10"),
-                  "recipe": (debias.recipe, "A10"), "replay": (debias.replay, "A10", 3)}
+                  "advise": (debias.advise, "A10"), "replay": (debias.replay, "A10", 3)}
         for name, (f, *arguments) in takers.items():
             for seed, kind in ((1.0, "float"), (np.float64(2), "float64"), (True, "bool"), (np.True_, "bool_?"),
                                ([1], "list"), (np.array([1, 2]), "ndarray"), (1j, "complex"), (b"1", "bytes"),
@@ -662,22 +783,23 @@ if len(sys.argv) > 1:
 warnings.simplefilter("ignore", debias.DebiasWarning)
 mean = debias.function_of_mean(lambda x: 1 + x[:, 0], "power:1.5", rates=(2, 1), truth=1.8)
 says = [debias.estimate("A10", samples=12345), debias.estimate("A01", samples=5000, pmf="geometric:r=0.55"),
-        debias.estimate(mean, samples=5000, pmf="auto"), debias.estimate("A10", error=0.05, confidence=0.9),
+        debias.estimate(mean, samples=5000, estimator="recipe"), debias.estimate("A10", error=0.05, confidence=0.9),
         debias.estimate("A10", estimator="multilevel", error=0.05),
         debias.tradeoff("A10", points=3, samples=2000), debias.survey("A10", levels=4, samples=2000),
-        debias.recipe("A10"), debias.replay("A10", 7, seed=3), debias.diagnose(np.arange(1, 2000) ** 0.5)]
+        debias.advise("A10"), debias.replay("A10", 7, seed=3), debias.diagnose(np.arange(1, 2000) ** 0.5)]
 for report in says:  # without what a clock says
     print(re.sub(r'"(seconds|pilot_seconds|efficiency)": .*', "", report.to_json()))
     if "points" not in report.to_dict() and "kurtosis" not in str(report.to_dict().get("levels")):
         print(re.sub(r"(?m)^(seconds|efficiency) .*$", "", str(report)))
 for call in (lambda: debias.estimate("A10", pmf="geometric:r=1.5"), lambda: debias.estimate("A10", error=-0.5),
-             lambda: debias.samples("A10", 3, pmf="zeta:s=0.5"), lambda: debias.estimate("gbm-by-euler", pmf="auto"),
+             lambda: debias.samples("A10", 3, pmf="zeta:s=0.5"),
+             lambda: debias.estimate("gbm-by-euler", estimator="recipe"),
              lambda: debias.estimate("A10", confidence=1.5)):
     try:
         call()
     except ValueError as e:
         print(e)
-print(debias.samples("A10", 5, pmf="geometric:r=0.55"), debias.problems(), debias.laws())
+print(debias.samples("A10", 5, pmf="geometric:r=0.55"), debias.problems(), debias.pmfs())
 """
             environment = {**os.environ, "LOCPATH": folder}
 

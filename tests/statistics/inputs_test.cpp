@@ -18,51 +18,16 @@
 #include <debias/reciprocal.hpp>
 #include <debias/series.hpp>
 
+#include "statistics/tally.hpp"
+
 using namespace debias;
+using test::Tally;
 
 namespace {
 
-struct Tally {
-  int runs = 0;
-  int refused = 0;
-  int covered = 0;
-  int reliable = 0;
-  int reliable_and_missed = 0;
-  int finite = 0;
-  int infinite = 0;
-  int shown = 0;
-  int open = 0;
-  double widest = 0;  // half-width of an interval
-};
-
-template <Value V>
-void count(Tally& t, const Result<V>& r, double truth) {
-  const Interval i = r.interval();
-  const RunVerdict v = r.verdict();
-  const bool in = i.low <= truth && truth <= i.high;
-  t.covered += in;
-  t.reliable += v.interval_reliable();
-  t.reliable_and_missed += v.interval_reliable() && !in;
-  t.finite += v.variance == Finiteness::finite;
-  t.infinite += v.variance == Finiteness::infinite;
-  t.widest = std::max(t.widest, (i.high - i.low) / 2);
-}
-
 template <BiasedSequence S>
 Tally by_recipe(const S& sequence, double truth, std::int64_t samples, int seeds) {
-  Tally t;
-  for (int seed = 1; seed <= seeds; ++seed) {
-    ++t.runs;
-    try {
-      const auto r = estimate(recipe(sequence), {.samples = samples, .seed = static_cast<std::uint64_t>(seed)});
-      t.shown += r.advice.survey.grade == Grade::shown;
-      t.open += r.advice.survey.grade == Grade::open;
-      count(t, r, truth);
-    } catch (const std::invalid_argument&) {
-      ++t.refused;
-    }
-  }
-  return t;
+  return test::by_recipe(sequence, truth, Plan{.samples = samples}, seeds);
 }
 
 /// 40 exp(-((x - at) / width)^2 / 2): its integral is 40 width sqrt(2 pi).

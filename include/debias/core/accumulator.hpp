@@ -10,7 +10,7 @@
 //   Accumulator  moments, components, levels and work of one range of samples; ranges merge left to right
 //   Recorder     what the sample loop writes to; it fills Accumulators chunk by chunk
 //
-// A block of 256 values is summed in two passes (mean, then central sums), so no digits cancel and nothing
+// A buffer of 256 values is summed in two passes (mean, then central sums), so no digits cancel and nothing
 // divides per sample. Extremes are sets: how samples were spread over threads cannot matter to them.
 
 #include <algorithm>
@@ -31,7 +31,7 @@
 namespace debias {
 
 namespace detail {
-struct Codec;  // src/core/checkpoint.cpp
+struct Codec;  // src/core/run_state_bytes.cpp
 }
 
 /// Count, mean and central sums sum (x - mean)^q of real numbers.
@@ -98,18 +98,31 @@ struct LevelSums {
   std::int64_t count = 0;
   double difference = 0;
   double square = 0;
-  double fourth = 0;
+  double fourth = 0;  // of d^2 unit
+  double unit = 1;    // a power of 2, where fourth powers would leave the range of doubles
   double work = 0;
 
   void add(double d, double work_of_draw) {
     const double d2 = d * d;
     ++count;
     difference += d;
+    if (square == 0) unit = unit_for(d2);
     square += d2;
-    fourth += d2 * d2;
+    const double q = d2 * unit;
+    fourth += q * q;
     work += work_of_draw;
   }
   void merge(const LevelSums& other);
+  /// E D^4 / (E D^2)^2; 0 where all are zero.
+  [[nodiscard]] double kurtosis() const;
+
+ private:
+  static double unit_for(double d2) {
+    if ((d2 > 0x1p-400 && d2 < 0x1p400) || d2 == 0) [[likely]]
+      return 1;
+    return far_unit(d2);
+  }
+  static double far_unit(double d2);
 };
 
 /// One row a level up to 63, then one row an octave (64 ... 127, 128 ... 255, ...), and the base.
@@ -196,7 +209,8 @@ class Leading {
   bool full_ = false;
 };
 
-/// A sample that can be replayed alone: its absolute index, deepest level, and scalar value.
+/// A sample that can be replayed alone: its absolute index, deepest level, and scalar value. Of a block, the index of its
+/// first sample and the mean of all.
 struct LargeSample {
   std::int64_t index = 0;
   std::int64_t level = 0;
@@ -211,8 +225,9 @@ class Extremes {
   static constexpr std::size_t tail_capacity = 4096;
   static constexpr std::size_t largest_capacity = 32;
 
-  /// `values[i]` is the scalar of sample first_index + i, `levels[i]` its deepest level.
-  void add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index);
+  /// `values[i]` is the scalar of sample first_index + i step, `levels[i]` its deepest level.
+  void add(std::span<const double> values, std::span<const std::int64_t> levels, std::int64_t first_index,
+           std::int64_t step = 1);
   void merge(const Extremes& other);
   /// Moves all that is here to `others`.
   void hand_over(Extremes& others);
@@ -273,11 +288,12 @@ struct Accumulator {
 class Recorder {
  public:
   /// Samples before `known` are in the extremes already. What `checks` the coupling costs a tenth of the cheapest draws, so
-  /// that not all chunks of a long run do.
-  void begin_chunk(std::int64_t first_index, std::int64_t known = 0, bool checks = true) {
+  /// that not all chunks of a long run do. What is added stands for `block` samples.
+  void begin_chunk(std::int64_t first_index, std::int64_t known = 0, bool checks = true, std::int64_t block = 1) {
     checks_ = checks;
     sums_.clear();
-    block_first_ = first_index;
+    block_ = block;
+    first_ = first_index;
     known_ = known;
     filled_ = 0;
   }
@@ -309,11 +325,11 @@ class Recorder {
     values_[filled_] = debias::as_scalar(sample.value);
     levels_[filled_] = sample.level;
     sums_.work += sample.work;
-    if (++filled_ == block_size) flush();
+    if (++filled_ == buffer_size) flush();
   }
 
-  /// The index of the sample that comes next: the one that is being drawn when a callable throws.
-  [[nodiscard]] std::int64_t next_index() const { return block_first_ + static_cast<std::int64_t>(filled_); }
+  /// The index of the sample that comes next: the one that is being drawn when a callable throws; the first of its block.
+  [[nodiscard]] std::int64_t next_index() const { return first_ + static_cast<std::int64_t>(filled_) * block_; }
 
   [[nodiscard]] const Accumulator& end_chunk() {
     flush();
@@ -323,7 +339,7 @@ class Recorder {
   [[nodiscard]] Extremes& extremes() { return extremes_; }
 
  private:
-  static constexpr std::size_t block_size = 256;
+  static constexpr std::size_t buffer_size = 256;
 
   void flush();
 
@@ -331,11 +347,12 @@ class Recorder {
   CouplingSums coupling_;
   bool checks_ = true;
   Extremes extremes_;
-  std::int64_t block_first_ = 0;
+  std::int64_t block_ = 1;
+  std::int64_t first_ = 0;  // index of values_[0]
   std::int64_t known_ = 0;
   std::size_t filled_ = 0;
-  std::array<double, block_size> values_;
-  std::array<std::int64_t, block_size> levels_;
+  std::array<double, buffer_size> values_;
+  std::array<std::int64_t, buffer_size> levels_;
 };
 
 }  // namespace debias

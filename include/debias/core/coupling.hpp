@@ -19,16 +19,18 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include <debias/core/value.hpp>
+#include <debias/core/warning.hpp>
 
 namespace debias {
 
 namespace detail {
-struct Codec;  // src/core/checkpoint.cpp
+struct Codec;  // src/core/run_state_bytes.cpp
 }
 
 class LevelTable;
@@ -152,8 +154,8 @@ struct Coupling {
 const char* name_of(Coupling::State state);
 /// One line for a report; empty where there are no levels.
 std::string text_of(const Coupling& coupling);
-/// The warning that a coupling is worth; empty if it is none.
-std::string warning_of(const Coupling& coupling);
+/// The warning that a coupling is worth, if any.
+std::optional<Warning> warning_of(const Coupling& coupling);
 
 namespace detail {
 

@@ -4,7 +4,8 @@
 //
 //   mean = 1/N sum_i e(Stream(seed, first + i)),   i = 0 ... N - 1
 //
-// Samples run in chunks of 512 absolute indices (fewer where a sample is a block of draws); chunk sums combine by a
+// An estimator in blocks draws `block` samples from one stream, Stream(seed, index / block), and returns their mean.
+// Samples run in chunks of 512 absolute indices (about 1024 in blocks); chunk sums combine by a
 // fixed binary tree, so the result is the same bits for any number of threads, and results over neighbouring
 // ranges merge into the bits of the whole (Chan, Golub, LeVeque 1983 for the merge of moments).
 // `trace` draws one sample alone, with its levels.
@@ -24,37 +25,59 @@
 #include <debias/core/accumulator.hpp>
 #include <debias/core/bias.hpp>
 #include <debias/core/estimator.hpp>
+#include <debias/core/plan.hpp>
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
 #include <debias/core/result.hpp>
+#include <debias/core/run_state.hpp>
 #include <debias/core/stream.hpp>
 
 namespace debias {
 
+/// A callable threw; what() says how to replay the sample, std::rethrow_if_nested gives the original.
+class SampleError : public std::runtime_error {
+ public:
+  SampleError(const std::string& what, std::uint64_t seed, std::int64_t index)
+      : std::runtime_error(what), seed_(seed), index_(index) {}
+  [[nodiscard]] std::uint64_t seed() const { return seed_; }
+  [[nodiscard]] std::int64_t index() const { return index_; }
+
+ private:
+  std::uint64_t seed_;
+  std::int64_t index_;
+};
+
 namespace detail {
 using ChunkBody = std::function<void(std::int64_t first, std::int64_t last, Recorder& recorder)>;
 
-Statistics run(const Plan& plan, const Identity& identity, std::int64_t chunk, const ChunkBody& body);
+/// How the samples of an estimator come: so many from one stream, and so many in a chunk of a run.
+struct Pieces {
+  std::int64_t block = 1;
+  std::int64_t chunk = default_chunk;
+};
+
+Statistics run(const Plan& plan, const Identity& identity, const Pieces& pieces, const ChunkBody& body);
 /// Throws std::invalid_argument for plans that no run has, or none of this estimator.
 using PlanCheck = std::function<void(const Plan& plan)>;
 /// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
-Plan plan_for_goal(const Plan& plan, std::int64_t chunk, const ChunkBody& pilot, const PlanCheck& check,
+Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& pilot, const PlanCheck& check,
                    const std::function<double(const Statistics& pilot)>& bias);
-void check_plan(const Plan& plan);
+/// The plan of a run that goes on from a state.
+Plan plan_from(const RunState& state, Plan plan);
 /// Checks the plan; on several ranks all of them throw where one does, lest the others wait for it.
 void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
-std::string fewer_threads_text(int threads);
-void check_goal(const Goal& goal);
+Warning fewer_threads_warning(int threads);
 
-/// Samples of a chunk.
 template <class E>
-std::int64_t chunk_of(const E& estimator) {
-  if constexpr (StatesChunk<E>) {
-    return estimator.chunk();
-  } else {
-    return default_chunk;
+Pieces pieces_of(const E& estimator) {
+  Pieces pieces;
+  if constexpr (StatesBlock<E>) {
+    pieces.block = estimator.block();
+    pieces.chunk = pieces.block * default_chunk;
   }
+  if constexpr (StatesChunk<E>) pieces.chunk = estimator.chunk();
+  return pieces;
 }
 
 /// Whose results a run of the estimator gives.
@@ -83,54 +106,54 @@ Statistics with_rounding(Statistics statistics) {
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
-/// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
-/// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
-/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
-/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
-/// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
-template <Estimator E>
-Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
+namespace detail {
+
+/// How the streams of a run are drawn from: each once, in the order of a chunk.
+struct OneByOne {
+  /// Before a run of streams first ... last - 1, or before the pilots of its goal; `in_order` where all of them will come.
+  void begin(std::int64_t /*first*/, std::int64_t /*last*/, bool /*in_order*/) const {}
+  template <class Draw>
+  void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) const {
+    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+  }
+  /// One of them again, for its value alone.
+  template <class Draw>
+  auto again(std::int64_t i, const Draw& draw) const {
+    NullRecord record;
+    return draw(i, record).value;
+  }
+};
+
+/// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record).
+template <Estimator E, class Way>
+Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan& plan) {
   using V = estimate_value_t<E>;
+  const Pieces pieces = detail::pieces_of(estimator);
+  const std::int64_t block = pieces.block;
   bool pilot = false;
   const auto draw = [&](std::int64_t i, auto& record) {
     Stream rng(plan.seed, static_cast<std::uint64_t>(i));
-    if (pilot) rng = split(rng, Branch::pilot);
+    if (pilot) rng = debias::split(rng, Branch::pilot);
     return debias::draw_sample(estimator, rng, record);
   };
-  Plan fixed = plan;
-  if constexpr (CollectsQueries<E>) fixed.threads = 1;
-  std::int64_t collected = plan.first;
-  const auto collect_queries = [&](std::int64_t first, std::int64_t last) {
-    if constexpr (CollectsQueries<E>) {
-      estimator.collect_queries([&] {
-        NullRecord record;
-        for (std::int64_t i = first; i < last; ++i) draw(i, record);
-      });
-    }
-  };
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
-    if constexpr (CollectsQueries<E>) {
-      if (pilot) {
-        collect_queries(first, last);
-      } else if (first >= collected) {  // some whole chunks at once
-        constexpr std::int64_t size = 1 << 16;
-        collected = fixed.earlier || fixed.ranks != nullptr
-                        ? last
-                        : std::min((first / size + 1) * size, fixed.first + fixed.samples);
-        collect_queries(first, collected);
-      }
-    }
-    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+    way.chunk(first / block, last / block, draw, recorder);
   };
   const auto check = [&](const Plan& wanted) {
     detail::check_plan(wanted);
+    detail::check_blocks(wanted, block);
     if constexpr (StatesReach<E>) {
       const std::int64_t whole = std::max(wanted.whole, wanted.samples);
-      detail::require_reach(estimator.reach(wanted.first + wanted.samples - 1), whole);
+      detail::require_reach(estimator.reach((wanted.first + wanted.samples) / block - 1), whole);
     }
   };
+  const auto begin = [&](const Plan& next) {
+    way.begin(next.first / block, (next.first + next.samples) / block, !pilot && !next.earlier);
+  };
+  Plan fixed = detail::in_blocks(plan, block);
   if (plan.goal.asked()) {
     pilot = true;
+    begin(fixed);
     const auto bias = [&]([[maybe_unused]] const Statistics& s) {
       if constexpr (StatesBias<E>) {
         return estimator.bias_bound(s.state.total().levels).size;
@@ -138,11 +161,12 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
         return 0.0;
       }
     };
-    fixed = detail::plan_for_goal(fixed, detail::chunk_of(estimator), body, check, bias);
+    fixed = detail::plan_for_goal(fixed, pieces, body, check, bias);
     pilot = false;
   }
   detail::check_on_all(fixed, check);
-  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), detail::chunk_of(estimator), body);
+  begin(fixed);
+  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), pieces, body);
   statistics.goal = plan.goal;
   if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
   if constexpr (KnowsProbabilities<E>) {
@@ -155,25 +179,38 @@ Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) 
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
-    NullRecord record;
-    collect_queries(plan.first, plan.first + 1);
-    return Result<V>(std::move(statistics), draw(plan.first, record).value);
+    return Result<V>(std::move(statistics), way.again(plan.first / block, draw));
   }
 }
 
-/// The result with more samples: all that it has count, those up to plan.samples or as many as the goal asks for are
+}  // namespace detail
+
+/// Runs the estimator over the samples of the plan, or over as many as its goal asks for.
+/// Throws std::invalid_argument for an impossible plan, SampleError when the estimator throws (the one with the
+/// smallest index, whatever the threads), Interrupted when the plan's progress callable asks to stop, UndrawableError
+/// before anything is drawn where one of the samples is likely to need a level that cannot be drawn (core/reach.hpp).
+/// Samples that are not finite make the mean NaN and are counted; nothing is skipped.
+template <Estimator E>
+Result<estimate_value_t<E>> estimate(const E& estimator, const Plan& plan = {}) {
+  const detail::OneByOne way;
+  return detail::estimate_by(way, estimator, plan);
+}
+
+/// A run that goes on from what it has: all of that counts, samples up to plan.samples or as many as the goal asks for are
 /// drawn, with the bits of one run of that size. The goal's pilot has streams of its own, so the samples that came
-/// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the result.
+/// first do not decide how many come, and the mean stays unbiased. Seed and first sample are those of the state.
 /// Throws std::invalid_argument for another estimator (another type, description or name), or for fewer samples than the
-/// result has. An estimator of the same type over other data looks the same: `named` tells them apart.
+/// state has. An estimator of the same type over other data looks the same: `named` tells them apart.
+template <Estimator E>
+Result<estimate_value_t<E>> extend(const E& estimator, const RunState& state, Plan plan) {
+  state.identity.demand_same(detail::identity_of(estimator), "extend");
+  plan = detail::plan_from(state, std::move(plan));
+  return debias::estimate(estimator, plan);
+}
+/// The same for a result.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  result.state.identity.demand_same(detail::identity_of(estimator), "extend");
-  plan.seed = result.seed;
-  plan.first = result.first;
-  if (plan.goal.asked()) plan.samples = result.samples;  // at least
-  plan.earlier = std::make_shared<RunState>(result.state);
-  return debias::estimate(estimator, plan);
+  return debias::extend(estimator, result.state, std::move(plan));
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:
@@ -195,13 +232,17 @@ struct TracedLevel {
   std::int64_t level = 0;
   double difference = 0;  ///< unweighted; the value, for the base
   double work = 0;
+  std::int64_t member = 0;  ///< of the block: 0 ... block - 1
 };
 
-/// One sample drawn alone.
+/// One sample drawn alone; of an estimator in blocks, the block that it is in, with the levels of all its members.
 template <Value V>
 struct Trace {
-  Sample<V> sample;
+  Sample<V> sample;  ///< of a block, the mean of its members
   std::vector<TracedLevel> levels;
+  std::int64_t block = 1;   ///< samples that were drawn together
+  std::int64_t first = 0;   ///< index of the first of them
+  std::int64_t member = 0;  ///< place of the one that was asked for
 };
 
 /// Sample `index` of `seed`, the very one that a run contains, with all levels that it touched.
@@ -209,18 +250,29 @@ template <Estimator E>
 Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
   struct TraceRecord {
     std::vector<TracedLevel> levels;
-    void base(std::int64_t level, double value, double work) { add({true, level, value, work}); }
-    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}); }
-    void add(const TracedLevel& l) {
+    std::int64_t first = 0;  // of the members that record now, one after the other
+    std::int64_t size = 1;
+    std::int64_t bases = 0;
+    std::int64_t differences = 0;
+    void members(std::int64_t first_member, std::int64_t n) {
+      first = first_member;
+      size = n;
+      bases = differences = 0;
+    }
+    void base(std::int64_t level, double value, double work) { add({true, level, value, work}, bases); }
+    void difference(std::int64_t level, double d, double work) { add({false, level, d, work}, differences); }
+    void add(TracedLevel l, std::int64_t& count) {
       detail::check_work(l.level, l.work);
+      l.member = first + std::min(count++, size - 1);
       levels.push_back(l);
     }
   } record;
-  Stream rng(seed, static_cast<std::uint64_t>(index));
+  const std::int64_t block = detail::pieces_of(estimator).block;
+  Stream rng(seed, static_cast<std::uint64_t>(index / block));
   try {
     auto sample = debias::draw_sample(estimator, rng, record);
     detail::check_work(sample.level, sample.work);
-    return {std::move(sample), std::move(record.levels)};
+    return {std::move(sample), std::move(record.levels), block, index / block * block, index % block};
   } catch (...) {
     detail::rethrow_with_sample(seed, index);
   }

@@ -9,9 +9,10 @@
 // The record sees (level, scalar of the unweighted difference, work); the base has a row of its own. A sample's
 // `level` is the deepest it touched, its `work` the sum over everything it drew.
 
+#include <algorithm>
+#include <bit>
 #include <concepts>
 #include <cstdint>
-#include <functional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -78,19 +79,26 @@ template <Estimator E>
 using estimate_value_t =
     decltype(debias::draw_sample(std::declval<const E&>(), std::declval<Stream&>(), std::declval<NullRecord&>()).value);
 
-/// An estimator that runs a chunk twice: first to collect its queries, then to record the samples.
-/// `collect_queries(draws)` calls draws(), or does not; then the same draws run again, in the same order. What looks
-/// numbers up somewhere slow has the answers at hand in the second pass. Such a run takes one thread.
+/// An estimator that draws several samples from one stream, a block of them: what it returns is their mean, and their work in
+/// all. Plans and results count its samples, and the blocks beside them.
 template <class E>
-concept CollectsQueries = requires(const E& e, const std::function<void()>& draws) {
-  e.collect_queries(draws);
+concept StatesBlock = requires(const E& e) {
+  { e.block() } -> std::same_as<std::int64_t>;
 };
 
 /// Samples of a chunk of a run: so few cost less than 1 % of the cheapest ones, and leave work for all threads.
 inline constexpr std::int64_t default_chunk = 512;
 
-/// An estimator whose sample is made of so many draws that fewer samples make a chunk of a run: a power of two, the
-/// same for every run of the estimator.
+namespace detail {
+/// Of so large blocks: about 1024 samples.
+inline std::int64_t chunk_of_blocks(std::int64_t block) {
+  const std::uint64_t blocks = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block));
+  return block * std::clamp<std::int64_t>(static_cast<std::int64_t>(blocks), 1, default_chunk);
+}
+}  // namespace detail
+
+/// An estimator whose samples need chunks of another size: a power of two of its blocks, the same for every run of the
+/// estimator.
 template <class E>
 concept StatesChunk = requires(const E& e) {
   { e.chunk() } -> std::same_as<std::int64_t>;

@@ -52,7 +52,8 @@ struct MeasuredRates {
 
 /// The rates without their errors.
 inline Rates rates_of(const MeasuredRates& m) {
-  return {m.variance_decay.value, m.work_growth.value, m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
+  return {m.variance_decay.value, m.work_growth.value,
+          m.kind == RateKind::polynomial ? Decay::polynomial : Decay::geometric};
 }
 
 /// rho of a PMF: its masses fall like 2^(-exponent j), or j^(-exponent). Infinite: faster than any such rate.
@@ -74,7 +75,7 @@ bool pmf_exists(const Rates& rates);
 /// The rho to take when nothing but the rates is known: the best one for variance x work, but a tail index of 1/7 is
 /// enough (1/4 has an infinite fourth moment), or whatever half-way from the bound of the work to that of the fourth
 /// moment gives, if these lie 0.2 apart. So the standard error can be trusted, and a long run can tell.
-/// Throws std::invalid_argument when no PMF has finite variance and finite work.
+/// Throws NoPmfError when no PMF has finite variance and finite work, std::invalid_argument for rates that are no numbers.
 double default_exponent(const Rates& rates);
 
 /// The same from measured rates, with the measured decay of the fourth moment, E D_k^4 ~ 2^(-beta4 k): its bound is

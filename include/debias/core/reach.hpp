@@ -4,7 +4,7 @@
 //
 //   chance = 1 - (1 - t)^N <= 1 / 1000,   t = P(a member needs a level beyond the deepest that can be drawn)
 //
-//   Notation: N = members of the whole run (of a block estimator, samples x block).
+//   Notation: N = samples of the whole run (in blocks, their members).
 // A run that dies at such a level, and is repeated with another seed, is biased; within the chance it may still die. What
 // that leaves out is small beside the noise: |E[Z; too deep]| <= sqrt(E Z^2 t) is at most 3 % of a standard error, sqrt(1 /
 // 1000), where the variance is finite (Cauchy-Schwarz).
@@ -71,7 +71,7 @@ struct Reach {
   std::int64_t deepest = deepest_of_all;  ///< level that can be drawn
   std::int64_t first_level = 0;           ///< of outcome 0 of the PMF
   double beyond = 0;                      ///< P(a member needs a deeper one)
-  std::int64_t members = 1;               ///< of a sample
+  std::int64_t block = 1;                 ///< samples that come together
   std::string pmf = {};
   Decay decay = Decay::geometric;  ///< of its tail
   std::optional<Rates> rates{};    ///< of the sequence, where it declares them
@@ -80,7 +80,8 @@ struct Reach {
   static constexpr double threshold = 1e-3;
 };
 
-/// An estimator that knows what its level takes; `last` is the index of the last sample of the run.
+/// An estimator that knows what its level takes; `last` is the index of the last stream of the run: of its last sample, or
+/// block.
 template <class E>
 concept StatesReach = requires(const E& e, std::int64_t last) {
   { e.reach(last) } -> std::same_as<Reach>;
@@ -99,7 +100,7 @@ class UndrawableError : public std::invalid_argument {
         pmf_(std::move(pmf)) {}
   [[nodiscard]] std::int64_t deepest_level() const { return deepest_; }
   [[nodiscard]] double chance() const { return chance_; }
-  [[nodiscard]] std::int64_t most_samples() const { return most_samples_; }  ///< of the estimator; 0: not even one
+  [[nodiscard]] std::int64_t most_samples() const { return most_samples_; }  ///< in whole blocks; 0: not even one
   [[nodiscard]] const std::string& pmf() const { return pmf_; }  ///< one that can be drawn; empty: none, at this base
 
  private:
@@ -115,6 +116,13 @@ namespace detail {
 double chance_beyond(double beyond, double members);
 /// The largest P(a member is too deep) that so many members may have.
 double allowed_beyond(double members);
+/// A PMF of the same kind that falls just fast enough: its exponent, to two digits, and its spec; or none. The room of the
+/// PMFs has it (src/pmf/any.cpp), since core knows none of them.
+struct Steeper {
+  double exponent = 0;
+  std::string pmf;
+};
+Steeper steeper_pmf(const Reach& reach, double allowed);
 /// Throws UndrawableError where a run of so many samples is too likely to die.
 void require_reach(const Reach& reach, std::int64_t samples);
 

@@ -173,7 +173,7 @@ class Stream {
   static std::uint64_t net_key(std::uint64_t key, std::uint64_t index) { return mix(key ^ 0xbb67ae8584caa73bu, index); }
 
   static std::uint64_t mix(std::uint64_t key, std::uint64_t branch) {
-    // The constant keeps key 0 from being its own child: seed 0, branch ~0 is Branch::PMF of the seed 0.
+    // The constant keeps key 0 from being its own child: seed 0, branch ~0 is Branch::pmf of the seed 0.
     std::uint64_t z = (key ^ 0x6a09e667f3bcc909u) + (branch + 1) * 0x9e3779b97f4a7c15u;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
     z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;

@@ -196,11 +196,16 @@ bool lopsided(const V& a, const V& b) {
 }
 
 /// The one number that level rows, third and fourth moments and the largest samples use: a real value itself,
-/// with its sign; of anything else the Euclidean norm over its components, safe from overflow.
+/// with its sign; what a value names by `double scalar() const`; of anything else the Euclidean norm over its components,
+/// safe from overflow.
 template <Value V>
 double as_scalar(const V& v) {
   if constexpr (RealValue<V>) {
     return static_cast<double>(v);
+  } else if constexpr (requires {
+                         { v.scalar() } -> std::same_as<double>;
+                       }) {
+    return v.scalar();
   } else {
     double largest = 0;
     for (std::size_t i = 0; i < component_count(v); ++i) {

@@ -24,6 +24,7 @@
 
 #include <debias/core/accumulator.hpp>
 #include <debias/core/tail_index.hpp>
+#include <debias/core/warning.hpp>
 #include <debias/statistics/evidence.hpp>
 
 namespace debias {
@@ -74,8 +75,11 @@ struct RunVerdict {
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
   double rate = 0;                   ///< the error of the mean falls like samples^-rate
   std::vector<LargeSample> largest;  ///< what to replay, at most 3
+  std::vector<Warning> reasons;      ///< what else the levels say, for a long report
 
   [[nodiscard]] bool interval_reliable() const;
+  /// The whole in one sentence, for a brief report.
+  [[nodiscard]] std::string sentence() const;
   /// One sentence each: the first is on the variance, with its grade; others only where there is something to do.
   [[nodiscard]] std::vector<std::string> sentences() const;
 };

@@ -24,7 +24,7 @@
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream.hpp>
 #include <debias/core/value.hpp>
-#include <debias/derivative.hpp>
+#include <debias/derivative/finite_difference.hpp>
 
 namespace debias {
 

@@ -9,13 +9,13 @@
 //
 //   Notation: n = block, F^-1 = pmf.sample, z(k, stream) = estimator.draw(k, stream).
 // The variance of choosing the level, sum d_k^2 / p_k - I^2, all but disappears: n Var Z -> sum Var D_k / p_k, the
-// efficiency of multilevel Monte Carlo, without its bias. One block is one sample: blocks are independent, so their
-// standard error is honest. It takes some hundred blocks; a sample index names a block.
+// efficiency of multilevel Monte Carlo, without its bias. Members are the samples of a run, in whole blocks; blocks are
+// independent, so that the standard error, which is of their means, is honest. It takes some hundred of them.
 // The members of one level run together where the sequence has batch hooks, and are then stratified once more: over
 // the first uniform that they draw, the offset of a comb (core/stream_batch.hpp).
 // With Points::nets the N_k members of a level are points 0 ... N_k - 1 of a net of its own in each block (core/points.hpp):
 // N_k does not depend on the points, so E Z = I as before, and the variance of a level may fall like N_k^-2 or faster. The gain
-// needs N_k that are whole powers of two, the same in all blocks: pmf/dyadic.hpp with residual strata, base drawn. Members that
+// needs N_k that are whole powers of two, the same in all blocks: pmf/dyadic.hpp with residual strata, Base::one_outcome. Members that
 // residual strata draw are plain. A sequence gains as far as it draws what matters first, and a fixed count of numbers.
 
 #include <algorithm>
@@ -106,27 +106,7 @@ class Stratified {
 
   template <Record R>
   Sample<value_type> operator()(Stream& rng, R& record) const {
-    switch (strata_) {
-      case Strata::systematic: {
-        Stream pmf_stream = split(rng, Branch::pmf);
-        const double shift = pmf_stream.uniform();
-        return block_of(rng, record, [&](std::int64_t j) { return estimator_.level_at(at(j, shift)); });
-      }
-      case Strata::uniform:
-        return block_of(rng, record, [&](std::int64_t j) {
-          Stream pmf_stream = split(member(rng, j), Branch::pmf);
-          return estimator_.level_at(at(j, pmf_stream.uniform()));
-        });
-      case Strata::residual:
-        break;
-    }
-    return block_of(rng, record, [&, row = std::size_t{0}, used = std::int64_t{0}](std::int64_t j) mutable {
-      for (; row < copies_.size(); ++row, used = 0) {
-        if (used++ < copies_[row].count) return copies_[row].level;
-      }
-      Stream pmf_stream = split(member(rng, j), Branch::pmf);
-      return residual_level(pmf_stream.uniform());
-    });
+    return block_of(rng, record);
   }
 
   /// What the difference of a level is divided by, in the sample of a member.
@@ -134,15 +114,12 @@ class Stratified {
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
   [[nodiscard]] const std::string& name() const requires HasName<E> { return estimator_.name(); }
-  /// Samples of a chunk: about 1024 members.
-  [[nodiscard]] std::int64_t chunk() const {
-    const std::uint64_t samples = std::bit_floor(std::uint64_t{1024} / static_cast<std::uint64_t>(block_));
-    return std::clamp<std::int64_t>(static_cast<std::int64_t>(samples), 1, default_chunk);
-  }
+  /// Samples of a chunk: about 1024, in whole blocks.
+  [[nodiscard]] std::int64_t chunk() const { return detail::chunk_of_blocks(block_); }
   /// Strata change nothing of how likely a member reaches a level.
   [[nodiscard]] Reach reach(std::int64_t last) const requires StatesReach<E> {
     Reach reach = estimator_.reach(last);
-    reach.members *= block_;
+    reach.block = block_;
     return reach;
   }
   /// Strata leave the mean of a member where it is.
@@ -162,6 +139,12 @@ class Stratified {
     double residual_tail;  // n p - floor(n p), summed from the deepest level up to this one
   };
 
+  // To a record that asks whose levels come next.
+  template <Record R>
+  static void tell_members([[maybe_unused]] R& record, [[maybe_unused]] std::int64_t first,
+                           [[maybe_unused]] std::int64_t n) {
+    if constexpr (requires { record.members(first, n); }) record.members(first, n);
+  }
   static Stream member(const Stream& rng, std::int64_t j) { return rng.split(static_cast<std::uint64_t>(j)); }
 
   [[nodiscard]] double at(std::int64_t j, double shift) const {
@@ -171,9 +154,39 @@ class Stratified {
   /// Whether the next member begins a run of its own: members that are drawn are no points of the net before them.
   [[nodiscard]] bool ends_nets(std::int64_t next) const { return next == nets_; }
 
-  /// `level_of` is asked for every member once, in order.
-  template <Record R, class LevelOf>
-  Sample<value_type> block_of(const Stream& rng, R& record, LevelOf&& level_of) const {
+  /// The levels of the members of one block, each asked for once, in order. One type for all strata: the loops over a block
+  /// are compiled once.
+  class LevelsOfBlock {
+   public:
+    LevelsOfBlock(const Stratified& strata, const Stream& rng) : all_(strata), rng_(rng) {
+      if (all_.strata_ == Strata::systematic) shift_ = split(rng, Branch::pmf).uniform();
+    }
+    std::int64_t operator()(std::int64_t j) {
+      if (all_.strata_ == Strata::systematic) return all_.estimator_.level_at(all_.at(j, shift_));
+      return one_by_one(j);
+    }
+
+   private:
+    [[gnu::noinline]] std::int64_t one_by_one(std::int64_t j) {
+      if (all_.strata_ == Strata::residual) {
+        for (; row_ < all_.copies_.size(); ++row_, used_ = 0) {
+          if (used_++ < all_.copies_[row_].count) return all_.copies_[row_].level;
+        }
+      }
+      const double u = split(member(rng_, j), Branch::pmf).uniform();
+      return all_.strata_ == Strata::residual ? all_.residual_level(u) : all_.estimator_.level_at(all_.at(j, u));
+    }
+
+    const Stratified& all_;
+    const Stream& rng_;
+    double shift_ = 0;     // systematic
+    std::size_t row_ = 0;  // residual: the copies that come next
+    std::int64_t used_ = 0;
+  };
+
+  template <Record R>
+  Sample<value_type> block_of(const Stream& rng, R& record) const {
+    LevelsOfBlock level_of(*this, rng);
     std::int64_t level = level_of(0);
     if constexpr (detail::DrawsMembers<E, R>) {
       Sample<value_type> sample{0, 0, level};
@@ -189,10 +202,12 @@ class Stratified {
       return sample;
     } else {
       std::int64_t begin = 0;  // of the run of members of this level
+      tell_members(record, 0, 1);
       auto sample = member_sample(level, 0, begin, rng, record);
       for (std::int64_t j = 1; j < block_; ++j) {
         const std::int64_t last = std::exchange(level, level_of(j));
         if (level != last) begin = j;
+        tell_members(record, j, 1);
         auto next = member_sample(level, j, begin, rng, record);
         sample.value = debias::sum(std::move(sample.value), next.value);
         sample.work += next.work;
@@ -222,6 +237,7 @@ class Stratified {
     for (std::int64_t j = begin; j < end;) {
       const auto n = static_cast<std::size_t>(std::min<std::int64_t>(end - j, StreamBatch::capacity));
       const std::span<Sample<value_type>> some = std::span(samples).first(n);
+      tell_members(record, j, static_cast<std::int64_t>(n));
       estimator_.draw(level, detail::Members{rng, j, n, j - begin, end - begin, j < nets_}, some, record);
       for (const Sample<value_type>& s : some) {
         sample.value += s.value;
@@ -327,7 +343,8 @@ class Stratified {
   std::int64_t nets_ = 0;       // members of a block that are points of nets, which are the first ones
 };
 
-/// Blocks of `block` members: `estimate(stratified(single_term(s, pmf), 64), {.samples = 10'000})` draws 640,000.
+/// Blocks of `block` members: `estimate(stratified(single_term(s, pmf), 64), {.samples = 10'000})` draws 157 of them, 10,048
+/// samples.
 /// With nets: `stratified(single_term(s, pmf, {.base = Base::one_outcome}), pmf.block(), Strata::residual, Points::nets)`, where
 /// `const Dyadic pmf({10, 8, 6, 4}, 1.25)`; 32 blocks or more make an error that can be trusted.
 template <StratifiableEstimator E>

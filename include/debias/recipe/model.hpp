@@ -19,7 +19,7 @@
 #include <debias/core/rates.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/pmf/any.hpp>
-#include <debias/pmf/fitted.hpp>
+#include <debias/recipe/optimal_pmf.hpp>
 #include <debias/survey.hpp>
 
 namespace debias {

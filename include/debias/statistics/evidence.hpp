@@ -20,14 +20,15 @@
 // an end against a pause (state `exact_from`). Pure functions of their arguments: same input, same bits.
 // Sources: Harvey, Forecasting, structural time series models (1989), trend; the rest derived here.
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include <debias/core/rates.hpp>
+#include <debias/core/warning.hpp>
 
 namespace debias {
 
@@ -41,8 +42,7 @@ enum class Grade { open, likely, shown };
 /// "open", "likely", "shown".
 const char* name_of(Grade grade);
 
-/// What was measured of one level, all in one unit. Values of very small or large size: scale them by one power of two
-/// before their fourth powers are summed.
+/// What was measured of one level, all in one unit.
 struct LevelFacts {
   static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -50,7 +50,7 @@ struct LevelFacts {
   std::int64_t draws = 0;
   double mean = 0;                  ///< E D_k
   double second_moment = 0;         ///< E D_k^2
-  double fourth_moment = 0;         ///< E D_k^4
+  double kurtosis = 0;              ///< kappa = E D_k^4 / (E D_k^2)^2
   double nonzero = unknown;         ///< share of draws with a difference; unknown: all, if any
   double work = 1;                  ///< of a draw of D_k
   double value_variance = unknown;  ///< Var I_k
@@ -145,7 +145,7 @@ struct Evidence {
   FittedRate work;       ///< gamma, in the unit of `exponential_work`
   bool changes = false;  ///< rarity that falls, a decay that steepens, ...: no trend to speak of a no
   std::optional<Contradiction> contradiction;  ///< of the declared rates
-  std::vector<std::string> reasons;            ///< in words, for the long report
+  std::vector<Warning> reasons;                ///< for the long report
 };
 
 /// Weighs the facts of levels. `budget_spent`: nothing more can be drawn, so that a no may be said.
@@ -186,11 +186,18 @@ struct Doubt {
   double undrawn = 0;  ///< the same of levels that have, in a pilot, but of which the run expects less than 8
   double seen = 0;     ///< the same of the others
   double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t, for the root of both
+  double mu =
+      0;  ///< for `part_in_variance`: where differences are not random, D / p comes near it, and no level matters
   std::vector<std::int64_t> levels;  ///< of `unseen` and `undrawn`: the variance of the run does not speak for them
 
   /// At most half of the variance unseen, and eight degrees.
   [[nodiscard]] bool reliable() const { return unseen <= seen + undrawn && degrees >= 8; }
 };
 Doubt doubt_of(const Evidence& evidence, const Masses& masses, double members);
+
+/// The part of one level in the variance of a sample of a single term: p E (D / p - mu)^2, mu the sum of all E D.
+inline double part_in_variance(double second_moment, double mean, double p, double mu) {
+  return std::max(0.0, second_moment / p - 2 * mu * mean + mu * mu * p);
+}
 
 }  // namespace debias

@@ -83,7 +83,7 @@ struct ValueTuple {
     return a;
   }
   /// The last of them: a survey keeps the tails of D_k.
-  friend double as_scalar(const ValueTuple& s) { return as_scalar(s.parts[n - 1]); }
+  [[nodiscard]] double scalar() const { return debias::as_scalar(parts[n - 1]); }
   friend std::size_t component_count(const ValueTuple& s) { return n * component_count(s.parts[0]) + 1; }
   friend double component(const ValueTuple& s, std::size_t i) {
     const std::size_t each = component_count(s.parts[0]);

@@ -141,7 +141,7 @@ class TaylorSum {
     };
     const std::span<double> x = take(draws * parts);
     const std::span<double> terms = take(count * parts);
-    const Scratch scratch{take(n), take(count), take(n)};
+    const Buffers buffers{take(n), take(count), take(n)};
 
     for (std::size_t i = 0; i < draws; ++i) {
       const value_type v(x_(path));
@@ -152,10 +152,10 @@ class TaylorSum {
       const std::span<const double> of_part = x.subspan(c * draws, draws);
       const std::span<double> terms_of_part = terms.subspan(c * count, count);
       if constexpr (drawn) {
-        for (std::size_t p = 0; p < draws; ++p) add_terms(of_part, of_part[p], p, scratch, terms_of_part);
+        for (std::size_t p = 0; p < draws; ++p) add_terms(of_part, of_part[p], p, buffers, terms_of_part);
         for (double& t : terms_of_part) t /= static_cast<double>(draws);
       } else {
-        add_terms(of_part, pivot_, draws, scratch, terms_of_part);
+        add_terms(of_part, pivot_, draws, buffers, terms_of_part);
       }
     }
     return weighted(terms, order, record);
@@ -188,7 +188,7 @@ class TaylorSum {
  private:
   static constexpr bool drawn = std::same_as<Pivot, DrawnPivot>;
 
-  struct Scratch {
+  struct Buffers {
     std::span<double> factors;
     std::span<double> averages;
     std::span<double> spare;
@@ -218,16 +218,16 @@ class TaylorSum {
   }
 
   /// Adds c_k A_k of the draws other than number `left_out` to terms[k].
-  void add_terms(std::span<const double> x, double centre, std::size_t left_out, const Scratch& scratch,
+  void add_terms(std::span<const double> x, double centre, std::size_t left_out, const Buffers& buffers,
                  std::span<double> terms) const {
     auto series = g_.expand(centre);
     const double inverse_scale = detail::inverse_of_scale(series.scale, centre);
     std::size_t n = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
-      if (i != left_out) scratch.factors[n++] = (x[i] - centre) * inverse_scale;
+      if (i != left_out) buffers.factors[n++] = (x[i] - centre) * inverse_scale;
     }
-    detail::average_products(options_.products, scratch.factors, scratch.averages, scratch.spare);
-    for (std::size_t k = 0; k < terms.size(); ++k) terms[k] += series() * scratch.averages[k];
+    detail::average_products(options_.products, buffers.factors, buffers.averages, buffers.spare);
+    for (std::size_t k = 0; k < terms.size(); ++k) terms[k] += series() * buffers.averages[k];
   }
 
   template <Record R>

@@ -16,6 +16,7 @@ result holds the number that was taken, as `seed`.
 from __future__ import annotations
 
 import copy
+import functools
 import html
 import math
 import numbers
@@ -33,9 +34,9 @@ __version__: str = _debias.version
 stream_version: int = _debias.stream_version
 
 __all__ = [
-    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NonFiniteWarning",
-    "Problem", "Report", "Result", "Samples", "diagnose", "estimate", "estimators", "function_of_integral",
-    "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "recipe", "replay", "samples",
+    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
+    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "diagnose", "estimate", "estimators",
+    "function_of_integral", "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
     "stream_version", "survey", "tradeoff",
 ]
 
@@ -45,8 +46,45 @@ Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
+class NoPmfError(ValueError):
+    """No PMF has finite variance and finite work: no mistake of the caller, but a property of the sequence.
+
+    variance_decay, work_growth  of E D_k^2 and of the work: powers of 2, or of the level, as `decay` says ("geometric",
+                                 "polynomial"); None where they are not known
+    variance_decay_error, work_growth_error   where they were measured, else None
+    grade         "declared", or what the levels show: "shown" (wrong once in 200), "likely" (once in 10)
+    reason, help  why there is none, and what would help
+    """
+
+    variance_decay: Optional[float] = None
+    variance_decay_error: Optional[float] = None
+    work_growth: Optional[float] = None
+    work_growth_error: Optional[float] = None
+    decay: str = "geometric"
+    grade: str = "declared"
+    reason: str = ""
+    help: str = ""
+
+
 class DebiasWarning(UserWarning):
-    """A doubt that a result has about itself."""
+    """A doubt that a result has about itself: `code` is its name ("coupling", "threads", ...), `text` the sentence."""
+
+    def __init__(self, text: str = "", code: str = ""):
+        super().__init__(text)
+        self.code = code
+
+    @property
+    def text(self) -> str:
+        return str(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DebiasWarning) and (self.code, self.text) == (other.code, other.text)
+
+    def __hash__(self) -> int:
+        return hash((self.code, self.text))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.text!r}, code={self.code!r})"
 
 
 class InfiniteVarianceWarning(DebiasWarning):
@@ -65,32 +103,43 @@ class Interval(NamedTuple):
     low: Any
     high: Any
 
+    def __repr__(self) -> str:
+        return f"Interval(low={_ends(self.low)}, high={_ends(self.high)})"
+
 
 # ---- reports
 
 
 class Report:
-    """What a command has to say: `print` shows the program's text, `to_dict` and `to_json` its JSON."""
+    """What a command has to say: `print` shows the program's text, brief where it could be long, `full` all of it;
+    `to_dict` and `to_json` have its JSON."""
 
-    def __init__(self, text: str, json_text: str, data: dict):
+    def __init__(self, text: str, full_text: str, json_text: str, data: dict):
         self._text = text
+        self._full = full_text
         self._json = json_text
         self._data = data
 
     def __str__(self) -> str:
         return self._text.rstrip("\n")
 
+    def full(self) -> str:
+        """The whole text, as `--full` of the program: levels, tails, largest values, reasons."""
+        return self._full.rstrip("\n")
+
     def __repr__(self) -> str:
         return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
 
     def __getitem__(self, key: str) -> Any:
+        if key not in self._data:
+            _debias.refuse_if_renamed(f"['{key}']")
         return self._data[key]
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and self.__reduce__() == other.__reduce__()
 
     def __reduce__(self):
-        return type(self), (self._text, self._json, self._data)
+        return type(self), (self._text, self._full, self._json, self._data)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -112,6 +161,16 @@ class Report:
         return _table(self._data["levels"])
 
     @property
+    def warnings(self) -> list:
+        """Doubts, each with a `code` and a `text`."""
+        return _doubts(self._data.get("warnings") or [])
+
+    @property
+    def remarks(self) -> list:
+        """What else the levels show, of a survey or a recipe: likewise."""
+        return _doubts(self._data.get("remarks") or [])
+
+    @property
     def seed(self) -> int:
         """Of all random numbers, also where it was taken fresh: the same one gives the same bits."""
         if "seed" not in self._data:
@@ -123,7 +182,8 @@ class Result(Report):
     """An estimate and its doubt."""
 
     def __repr__(self) -> str:
-        return f"<debias.Result: {self._data['problem']}, mean {self.mean}, standard error {self.standard_error}>"
+        return (f"<debias.Result: {self._data['problem']}, mean {_ends(self.mean)}, standard error "
+                f"{_ends(self.standard_error)}>")
 
     def _components(self, name: str, of_one: Any) -> Any:
         if "components" not in self._data:
@@ -152,7 +212,17 @@ class Result(Report):
 
     @property
     def samples(self) -> int:
+        """`blocks` times `block`."""
         return self._known("samples")
+
+    @property
+    def blocks(self) -> int:
+        return self._known("blocks")
+
+    @property
+    def block(self) -> int:
+        """Samples of a block, which are drawn together; 1 without strata."""
+        return self._known("block")
 
     @property
     def work(self) -> float:
@@ -198,10 +268,6 @@ class Result(Report):
         """The largest samples by magnitude: index (for `replay`), level, value."""
         return _table(self._known("largest"))
 
-    @property
-    def warnings(self) -> list:
-        return list(self._data.get("warnings", []))
-
 
 class Diagnosis(Report):
     """What numbers alone say of their mean and of its error."""
@@ -239,10 +305,6 @@ class Diagnosis(Report):
         """Mean and standard error after 2, 4, 8, ... values."""
         return _table(self._data["running"])
 
-    @property
-    def warnings(self) -> list:
-        return list(self._data["warnings"])
-
 
 class Samples(np.ndarray):
     """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array."""
@@ -263,6 +325,18 @@ class Samples(np.ndarray):
     def __setstate__(self, state: Any) -> None:
         super().__setstate__(state[0])
         self.seed = state[1]
+
+
+def _doubts(rows: Sequence[dict]) -> list:
+    return [DebiasWarning(row["text"], row["code"]) for row in rows]
+
+
+def _ends(x: Any) -> str:
+    """A number, or an array: of more than 16 components the first and last three, and how many there are."""
+    if not isinstance(x, np.ndarray):
+        return str(x)
+    text = np.array2string(x, threshold=16, edgeitems=3)
+    return f"{text} ({x.size} components)" if x.size > 16 else text
 
 
 def _number(x: Any) -> float:
@@ -330,15 +404,15 @@ def _problem(problem: Any) -> Any:
                     "see debias.levels and debias.function_of_mean)")
 
 
-def _pmf(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
-    """Without declared rates a pilot has to choose the PMF, where there is one."""
-    needs = pmf is None and estimator not in ("truncated", "multilevel")
+def _estimator(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
+    """Without declared rates and without a PMF only a recipe can go on, where there may be a pilot."""
+    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe")
     if not needs or not isinstance(problem, Problem) or problem.declares_rates:
-        return pmf
-    if pilot and estimator in (None, "single_term", "single_term_outcome"):
-        return "auto"
+        return estimator
+    if pilot and estimator is None:
+        return "recipe"
     raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
-                     "an estimate")
+                     "an estimate or of `advise`")
 
 
 class _Bar:
@@ -375,23 +449,23 @@ class _Bar:
 def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
              block: Optional[Number] = None, error: Optional[Number] = None,
-             relative_error: Optional[Number] = None, time: Optional[Number] = None,
+             relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
              confidence: Number = 0.95, progress: Progress = None) -> Result:
-    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `time` ask for.
+    """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `seconds` ask for.
 
-    pmf         of the random level, "geometric:r=0.6"; "auto": a pilot chooses PMF, base level and strata. Without
-                one the declared rates of the problem choose, or a pilot where there are none.
-    estimator   see `estimators()`; "multilevel", the biased baseline, takes an `error`
-    block       members of a block of systematic strata, which is one sample
+    estimator   see `estimators()`; "recipe": a pilot chooses PMF, base level and strata, also where neither a PMF nor
+                rates are given; "multilevel", the biased baseline, takes an `error`
+    pmf         of the random level, "geometric:r=0.6"; without one the declared rates of the problem choose
+    block       samples of a block of systematic strata; `samples` is rounded up to whole blocks
     progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
 
     Issues a DebiasWarning for each doubt of the result.
     """
+    estimator = _estimator(_problem(problem), pmf, estimator, pilot=True)
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
-                       estimator=None if estimator == "multilevel" else estimator,
-                       pmf=_pmf(_problem(problem), pmf, estimator, pilot=True), base_level=base_level, block=block,
-                       error=error, relative_error=relative_error, time=time, confidence=confidence)
+                       estimator=None if estimator == "multilevel" else estimator, pmf=pmf, base_level=base_level,
+                       block=block, error=error, relative_error=relative_error, seconds=seconds, confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, options, bar))
     _warn(result)
@@ -402,21 +476,23 @@ def _warn(result: Result) -> None:
     data = result._data
     doubts = []
     if data.get("nonfinite"):
-        doubts.append((NonFiniteWarning, data["warnings"][0]))
+        nonfinite = next(w for w in data["warnings"] if w["code"] == "nonfinite_samples")
+        doubts.append((NonFiniteWarning, nonfinite))
     elif result.verdict == "infinite":
-        doubts.append((InfiniteVarianceWarning, data["evidence"]["sentences"][0]))
+        doubts.append((InfiniteVarianceWarning, {"code": "infinite_variance", "text": data["evidence"]["sentences"][0]}))
     if isinstance(data["goal"], dict) and not data["goal"]["met"]:
-        doubts.append((GoalMissedWarning, "the goal is missed"))
-    said = {text for _, text in doubts}
-    doubts += [(DebiasWarning, text) for text in data.get("warnings", []) if text not in said]
-    for category, text in doubts:
-        warnings.warn(text, category, stacklevel=3)
+        doubts.append((GoalMissedWarning, {"code": "goal_missed", "text": "the goal is missed"}))
+    said = {doubt["code"] for _, doubt in doubts}
+    doubts += [(DebiasWarning, doubt) for doubt in data.get("warnings", []) if doubt["code"] not in said]
+    for category, doubt in doubts:
+        warnings.warn(category(doubt["text"], doubt["code"]), stacklevel=4)
 
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
             estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
             block: Optional[Number] = None, progress: Progress = None) -> Samples:
-    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages.
+    """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages. With `block`, one value
+    for each block, the mean of its samples: n and first are then multiples of the block.
 
     The array knows its `seed`.
     """
@@ -426,30 +502,33 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    options = _options(seed=seed, estimator=estimator, pmf=_pmf(_problem(problem), pmf, estimator),
+    options = _options(seed=seed, estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf,
                        base_level=base_level, block=block)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
-    result = (values.reshape(n, -1) if values.size != n else values).view(Samples)
+    components = problem.components if isinstance(problem, Problem) else 1
+    result = (values.reshape(-1, components) if components > 1 else values).view(Samples)
     result.seed = seed
     return result
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
            pmf: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
-    """One sample of a run again, with every level that it touched."""
+    """One sample of a run again, with every level that it touched; of a block, all its samples, each level with the `member`
+    that drew it."""
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
-    options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed), estimator=estimator,
-                       pmf=_pmf(_problem(problem), pmf, estimator), base_level=base_level, block=block)
+    options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
+                       estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf, base_level=base_level,
+                       block=block)
     return Report(*_debias.replay(problem, options, None))
 
 
 def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number = 10_000, seed: Seed = 1,
-           threads: Number = 0, progress: Progress = None) -> Report:
-    """Measures the levels: how differences decay, how work grows, and whether a PMF exists."""
-    options = _options(levels=levels, samples=samples, seed=_seed(seed), threads=threads)
+           threads: Number = 0, first: Number = 0, progress: Progress = None) -> Report:
+    """Measures the levels from `first` on: how differences decay, how work grows, and whether a PMF exists."""
+    options = _options(levels=levels, first=first, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
         return Report(*_debias.survey(_problem(problem), options, bar))
 
@@ -465,15 +544,19 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
         return Report(*_debias.tradeoff(_problem(problem), options, bar))
 
 
-def recipe(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
+def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
            estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
-           relative_error: Optional[Number] = None, time: Optional[Number] = None,
+           relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
            progress: Progress = None) -> Report:
-    """What a pilot would choose: base level, PMF and strata, and what they are worth."""
+    """What a recipe would choose: base level, PMF and strata, and what they are worth.
+
+    `estimate(problem, pmf=a["pmf"], base_level=a["base_level"], block=a["block"], estimator=...)` follows the advice
+    without another pilot, "single_term_outcome" where its a["base"] is "one_outcome".
+    """
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
-                       error=error, relative_error=relative_error, time=time, pmf="auto")
+                       error=error, relative_error=relative_error, seconds=seconds)
     with _Bar(progress) as bar:
-        return Report(*_debias.recipe(_problem(problem), options, bar))
+        return Report(*_debias.advise(_problem(problem), options, bar))
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
@@ -650,7 +733,7 @@ def _checked(function: str, out: Any, shape: tuple, level: Optional[int], inputs
     if not finite.all():
         row = int(np.argmin(finite.reshape(shape[0], -1).all(axis=1)))
         shown = np.array2string(inputs[row], threshold=8, precision=17)
-        raise ValueError(f"{function}: returned {array[row]}{where} (must be finite) for the row {shown}")
+        raise ValueError(f"{function}: returned {_ends(np.asarray(array[row]))}{where} (must be finite) for the row {shown}")
     return array
 
 
@@ -682,5 +765,27 @@ def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequ
     beta, gamma = (None, None) if rates is None else (float(r) for r in rates)
     if beta is not None and not (beta > 0 and math.isfinite(gamma)):
         raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
-    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_rate": beta, "work_rate": gamma,
+    return {"name": str(name), "formula": str(formula), "truth": truth, "variance_decay": beta, "work_growth": gamma,
             "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}
+
+
+# ---- names of 0.1 say what they are now; to be removed at 0.3, with `refuse_if_renamed`
+
+
+def __getattr__(name: str) -> Any:
+    _debias.refuse_if_renamed(f"{name}()")
+    raise AttributeError(f"module 'debias' has no attribute '{name}'")
+
+
+def _knows_old_names(f: Any) -> Any:
+    @functools.wraps(f)
+    def checked(*arguments: Any, **options: Any) -> Any:
+        for name, value in options.items():
+            for typed in (f"{name}={value!r}", f"{name}="):
+                _debias.refuse_if_renamed(typed)
+        return f(*arguments, **options)
+    return checked
+
+
+for _f in (estimate, samples, replay, survey, tradeoff, advise):
+    globals()[_f.__name__] = _knows_old_names(_f)

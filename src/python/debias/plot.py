@@ -62,7 +62,8 @@ def running_mean(values: Any, *, truth: Optional[float] = None, label: Optional[
 def survey(report: Report, *, axes: Any = None) -> Any:
     """Four panels over the levels of a survey: variance, mean, kurtosis, and consistency of the coupling.
 
-    Open markers are levels that did not take part in the fit; dashed lines fall as fast as the fitted rates.
+    Open markers are levels that did not take part in the fit; dashed lines fall as fast as the fitted rates. The band is
+    one standard deviation of what the evidence believes of E D_k^2, at levels seen and beyond them.
     """
     if axes is None:
         axes = plt.subplots(2, 2, figsize=(8.5, 6.5), layout="constrained")[1]
@@ -95,12 +96,18 @@ def survey(report: Report, *, axes: Any = None) -> Any:
                 label=f"{shown}, ${name}$ = {exponent}")
 
     every = np.ones(len(rows), dtype=bool)
+    believed = report["believed"]
+    if len(believed) > 0:
+        centre = np.array([b["log2_second_moment"] for b in believed])
+        error = np.array([b["error"] for b in believed])
+        flat[0].fill_between([b["level"] for b in believed], 2 ** (centre - error), 2 ** (centre + error), color=BLUE,
+                             alpha=0.15, linewidth=0, label="believed, ± 1 sd")
     curve(flat[0], every, rows["variance"], ORANGE, "s", r"Var $I_k$")
     curve(flat[0], above, rows["second_moment"], BLUE, "o", r"E $D_k^2$")
-    slope(flat[0], rows["second_moment"], r"\beta", report["rates"]["variance"])
+    slope(flat[0], rows["second_moment"], r"\beta", report["rates"]["variance_decay"])
     curve(flat[1], every, np.abs(rows["mean"]), ORANGE, "s", r"|E $I_k$|")
     curve(flat[1], above, np.abs(rows["difference"]), BLUE, "o", r"|E $D_k$|")
-    slope(flat[1], np.abs(rows["difference"]), r"\alpha", report["rates"]["mean"])
+    slope(flat[1], np.abs(rows["difference"]), r"\alpha", report["rates"]["mean_decay"])
     curve(flat[2], above, rows["kurtosis"], BLUE, "o", r"E $D_k^4$ / (E $D_k^2)^2$")
     flat[2].axhline(3, color=BLACK, linestyle=":", linewidth=1, label="normal draws: 3")
     keep = level > level.min()

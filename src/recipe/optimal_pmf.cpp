@@ -1,4 +1,4 @@
-#include <debias/pmf/fitted.hpp>
+#include <debias/recipe/optimal_pmf.hpp>
 
 #include <algorithm>
 #include <cmath>

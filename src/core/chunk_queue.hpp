@@ -1,9 +1,6 @@
 #pragma once
 
-// A run as one process sees it.
-//
-//   ChunkQueue   chunks to draw, and the sums of those that are drawn: what the threads of the process share
-//   Ranks        the processes that share the samples of a run; src/mpi has those of an MPI communicator
+// A run as one process sees it: chunks to draw, and the sums of those that are drawn. The threads of the process share it.
 //
 // Which thread or rank drew a chunk cannot matter: sums travel as the nodes of RunState's fixed tree. Chunks
 // are handed out in the order of their samples, and one that begins before the first failure known is always
@@ -11,20 +8,18 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <exception>
-#include <functional>
 #include <limits>
 #include <mutex>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include <debias/core/accumulator.hpp>
-#include <debias/core/result.hpp>
+#include <debias/core/run_state.hpp>
 
-#include "bytes.hpp"
+#include "chunks.hpp"
 
 namespace debias::detail {
 
@@ -35,7 +30,7 @@ class ChunkQueue {
   using Range = RunState::Range;
   static constexpr std::int64_t no_index = std::numeric_limits<std::int64_t>::max();
 
-  explicit ChunkQueue(std::int64_t chunk) : state(chunk) {}
+  explicit ChunkQueue(std::int64_t chunk, std::int64_t block = 1) : state(chunk, block), samples_(chunk) {}
 
   /// Samples to draw, behind all that were given before.
   void give(const Range& samples);
@@ -80,7 +75,7 @@ class ChunkQueue {
   mutable std::mutex mutex_;
   std::condition_variable more_;  // for threads that draw
   std::condition_variable news_;  // for the one that serves them
-  std::deque<Range> samples_;
+  Chunks samples_;
   std::vector<Range> returned_;  // chunks, with room for one of each thread
   std::size_t begun_ = 0;        // threads
   bool closed_ = false;
@@ -88,45 +83,5 @@ class ChunkQueue {
   int waiting_ = 0;
   Look look_;
 };
-
-/// All ranks make the same calls in the same order, each on the thread that called `estimate`.
-class Ranks {
- public:
-  virtual ~Ranks() = default;
-  /// True on the rank that has the last word: it saves, reports progress, and prints.
-  [[nodiscard]] virtual bool leads() const = 0;
-  /// What `threads = 0` means.
-  [[nodiscard]] virtual int threads() const = 0;
-  /// Runs `begin`. Where it throws on any rank, or not all ranks have the same text, all of them throw.
-  virtual void agree(const std::string& text, const std::function<void()>& begin) = 0;
-  /// What `make` returns on the leading rank, on all of them; they all throw where it does.
-  virtual Bytes share(const std::function<Bytes()>& make) = 0;
-  /// The last call, after whatever failure of its own: returns when all ranks have made it. Those that have
-  /// not yet throw the failure from what else they call.
-  virtual void leave(std::exception_ptr failure) = 0;
-  /// Feeds the threads of `queue` until all ranks have drawn `samples` or stopped. On the leading rank, whose
-  /// `samples` count, `tell` is called with the number that all ranks have drawn, and ends the run by what it
-  /// throws; sums that it wants to save (`saves`) come to it all the time.
-  virtual void serve(ChunkQueue& queue, const std::vector<ChunkQueue::Range>& samples, bool saves,
-                     const std::function<void(std::int64_t drawn)>& tell) = 0;
-  /// Gives all ranks the sums of all, or the failure with the smallest index. `seal` runs on the leading
-  /// rank in between, when it has them all.
-  virtual void end(ChunkQueue& queue, const std::function<void()>& seal) = 0;
-};
-
-/// What `make` returns on the leading rank, on all of them: a number that each would find another one for.
-template <class T>
-T share(Ranks* ranks, const std::function<T()>& make) {
-  if (ranks == nullptr) return make();
-  const Bytes bytes = ranks->share([&] {
-    const T x = make();
-    ByteWriter w;
-    w.number(x);
-    return std::move(w.bytes);
-  });
-  T x{};
-  ByteReader(bytes).number(x);
-  return x;
-}
 
 }  // namespace debias::detail

@@ -1,7 +1,7 @@
 #pragma once
 
-// What a command has finished, on disk: the words of the command, and parts that each have a name, again and again as
-// they grow. A part is the sums of a run, or of an image.
+// What has been finished, on disk: a text that says of what, and parts that each have a name, again and again as they grow.
+// A part is the sums of a run, or of an image.
 //
 //   file    "DEBIASCP", format, byte order, stream layout (u32 each), text (u64 size, bytes), CRC-32 of all that
 //   record  "RECD" (u32), u64 size, name (u64 size, bytes), contents, CRC-32 of all that
@@ -17,8 +17,6 @@
 #include <span>
 #include <string>
 
-#include <debias/core/result.hpp>
-
 #include "bytes.hpp"
 
 namespace debias {
@@ -26,7 +24,7 @@ namespace debias {
 using Parts = std::map<std::string, Bytes>;
 
 /// What the file says.
-struct Checkpoint {
+struct PartFile {
   std::string text;
   Parts parts;
   std::size_t dropped = 0;  ///< bytes at the end that are no whole record
@@ -34,30 +32,25 @@ struct Checkpoint {
 
 /// Any bytes at all: throws std::invalid_argument where they do not begin with a whole header of this format and stream
 /// layout, and allocates no more than a small multiple of their number.
-Checkpoint parse_checkpoint(std::span<const std::byte> bytes);
-/// Throws std::system_error where the file cannot be read, std::invalid_argument as parse_checkpoint.
-Checkpoint read_checkpoint(const std::string& path);
+PartFile parse_parts(std::span<const std::byte> bytes);
+/// Throws std::system_error where the file cannot be read, std::invalid_argument as parse_parts.
+PartFile read_parts(const std::string& path);
 /// The bytes of a file that holds these.
 Bytes encode(const std::string& text, const Parts& parts);
-
-/// The sums of a run as the contents of a part, and back; the second throws std::invalid_argument for bytes that are none.
-/// Sums that are not `whole` have left out of their tails what earlier ones, to be merged with them, made superfluous.
-Bytes encode(RunState state);
-RunState decode(std::span<const std::byte> bytes, bool whole = true);
 
 namespace detail {
 class File;
 }
 
 /// Writes the records of one file. All members throw std::system_error where the disk refuses.
-class CheckpointWriter {
+class PartWriter {
  public:
   /// Puts a file with the text and the parts at `path` at once: a path that cannot be written is found out before
   /// the hours of a run.
-  CheckpointWriter(std::string path, std::string text, Parts parts = {});
-  ~CheckpointWriter();
-  CheckpointWriter(const CheckpointWriter&) = delete;
-  CheckpointWriter& operator=(const CheckpointWriter&) = delete;
+  PartWriter(std::string path, std::string text, Parts parts = {});
+  ~PartWriter();
+  PartWriter(const PartWriter&) = delete;
+  PartWriter& operator=(const PartWriter&) = delete;
   /// Parts that are new, or have grown: on disk when it returns. Throws std::system_error where another run has put a file
   /// of its own at the path.
   void save(const Parts& parts);

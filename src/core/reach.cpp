@@ -4,9 +4,6 @@
 #include <charconv>
 #include <cmath>
 
-#include <debias/pmf/geometric.hpp>
-#include <debias/pmf/zeta.hpp>
-
 #include "core/text.hpp"
 
 namespace debias {
@@ -17,39 +14,6 @@ double chance_beyond(double beyond, double members) { return -std::expm1(members
 double allowed_beyond(double members) { return -std::expm1(std::log1p(-Reach::threshold) / members); }
 
 namespace {
-
-// A PMF of the same kind that falls just fast enough: its exponent, to two digits, and its spec; or none.
-struct Steeper {
-  double exponent = 0;
-  std::string pmf;
-};
-
-Steeper steeper(const Reach& reach, double allowed) {
-  const std::int64_t outcome = reach.deepest - reach.first_level + 1;  // the first that cannot be drawn
-  if (outcome < 1) return {};
-  const auto hundredths = [](double x) { return std::ceil(100 * x - 1e-9) / 100; };
-  if (reach.decay == Decay::polynomial) {
-    double low = 1;  // bisection: the tail falls with s
-    double high = 2;
-    while (Zeta(high).tail(outcome) > allowed) {
-      low = high;
-      high *= 2;
-      if (high > 64) return {};
-    }
-    while (high - low > 1e-3) {
-      const double middle = (low + high) / 2;
-      (Zeta(middle).tail(outcome) > allowed ? low : high) = middle;
-    }
-    const Zeta pmf(hundredths(high));
-    return {pmf.tail_exponent().exponent, pmf.spec()};
-  }
-  for (double theta = hundredths(-std::log2(allowed) / static_cast<double>(outcome)); theta <= 53; theta += 0.01) {
-    theta = hundredths(std::max(theta, 0.01));
-    const Geometric pmf = Geometric::with_exponent(theta);
-    if (pmf.tail(outcome) <= allowed) return {theta, "geometric:theta=" + to_text(theta)};
-  }
-  return {};
-}
 
 // The largest number of members that the chance allows.
 double most_members(double beyond) {
@@ -67,14 +31,15 @@ std::string percent(double share) {
 }  // namespace
 
 void require_reach(const Reach& reach, std::int64_t samples) {
-  const double members = static_cast<double>(samples) * static_cast<double>(reach.members);
+  const auto members = static_cast<double>(samples);
   const double chance = chance_beyond(reach.beyond, members);
   if (chance <= Reach::threshold) return;
-  const double most = most_members(reach.beyond) / static_cast<double>(reach.members);
-  const std::int64_t most_samples = most < 0x1p62 ? static_cast<std::int64_t>(most) : samples;
-  const Steeper other = steeper(reach, allowed_beyond(members));
+  const double most = most_members(reach.beyond);
+  const std::int64_t most_samples =
+      most < 0x1p62 ? static_cast<std::int64_t>(most) / reach.block * reach.block : samples;
+  const Steeper other = steeper_pmf(reach, allowed_beyond(members));
   std::string text = "samples = " + std::to_string(samples);
-  if (reach.members > 1) text += " blocks of " + std::to_string(reach.members);
+  if (reach.block > 1) text += " in blocks of " + std::to_string(reach.block);
   const std::string deepest = reach.deepest == deepest_of_all ? "a level of 2^62 or more, which does not fit 64 bits,"
                                                               : "a level beyond " + std::to_string(reach.deepest) +
                                                                     ", the deepest that the sequence can draw,";
@@ -85,8 +50,9 @@ void require_reach(const Reach& reach, std::int64_t samples) {
   }
   text += " (the chance that one of them needs " + deepest + " is " + percent(chance) + " under " +
           (reach.pmf.empty() ? "this PMF" : reach.pmf) + ", and 0.1 % is allowed); ";
-  text += most_samples > 0 ? "take at most " + std::to_string(most_samples) + " samples"
-                           : "not even one sample can be drawn";
+  text += most_samples > 0  ? "take at most " + std::to_string(most_samples) + " samples"
+          : reach.block > 1 ? "not even one block can be drawn"
+                            : "not even one sample can be drawn";
   if (!other.pmf.empty()) {
     text += ", or the PMF " + other.pmf;
     if (reach.rates) {

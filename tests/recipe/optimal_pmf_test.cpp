@@ -8,7 +8,7 @@
 #include "catch_shim.hpp"
 
 #include <debias/core/stream.hpp>
-#include <debias/pmf/fitted.hpp>
+#include <debias/recipe/optimal_pmf.hpp>
 
 using namespace debias;
 
@@ -98,7 +98,8 @@ TermMoments square_of_mean(int levels) {
 
 }  // namespace
 
-TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random problems", "[pmf][fitted][exact]") {
+TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random problems",
+          "[recipe][optimal_pmf][exact]") {
   Stream rng(20220811, 0);
   for (int i = 0; i < 1000; ++i) {
     const auto n = static_cast<std::size_t>(2 + i % 7);
@@ -124,7 +125,7 @@ TEST_CASE("the hull PMF is the best of all falling survival PMFs on 1000 random 
 }
 
 TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata or none of them",
-          "[pmf][fitted][exact]") {
+          "[recipe][optimal_pmf][exact]") {
   Stream rng(20220811, 1);
   for (int i = 0; i < 200; ++i) {
     TermMoments m = random_moments(rng, 3 + static_cast<std::size_t>(i % 5));
@@ -152,7 +153,7 @@ TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata
 }
 
 TEST_CASE("where the members of a level run together no other masses are better by three percent",
-          "[pmf][fitted][exact]") {
+          "[recipe][optimal_pmf][exact]") {
   // What is left of a variance: nothing in the limit, falling like c^-e, or a part of it for ever.
   const auto falling = [](double e, double rest) {
     std::vector<double> shares;
@@ -187,7 +188,8 @@ TEST_CASE("where the members of a level run together no other masses are better 
   CHECK(gain < 0.2);    // masses that know nothing of it are up to that much worse
 }
 
-TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)", "[pmf][fitted][exact]") {
+TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base sqrt(a / w)",
+          "[recipe][optimal_pmf][exact]") {
   TermMoments m = square_of_mean(24);
   const double mean = 1;
   m.fixed_variance = -mean * mean;  // Base::one_outcome with independent members: V = sum a / p - I^2
@@ -206,7 +208,7 @@ TEST_CASE("without base the masses are sqrt(a / (w + kappa)), with a costly base
 }
 
 TEST_CASE("A10 has its optimum at 24.97 and at 19.01 with strata and geometric PMFs have their known products",
-          "[pmf][fitted][exact]") {
+          "[recipe][optimal_pmf][exact]") {
   TermMoments m = square_of_mean(60);
   CHECK(predict(m, best_masses(m)).product() == Approx(24.9665).epsilon(1e-4));
   const auto geometric = [&](double r) {
@@ -221,7 +223,7 @@ TEST_CASE("A10 has its optimum at 24.97 and at 19.01 with strata and geometric P
   CHECK(predict(m, best_masses(m)).product() == Approx(19.0052).epsilon(1e-4));
 }
 
-TEST_CASE("PMFs from impossible moments are refused", "[pmf][fitted][exact]") {
+TEST_CASE("PMFs from impossible moments are refused", "[recipe][optimal_pmf][exact]") {
   TermMoments m = square_of_mean(3);
   m.variance[1] = m.mean_square[1] = 0;
   CHECK_THROWS_WITH(best_masses(m), Catch::Contains("level 1 = 0") && Catch::Contains("upper bound"));

@@ -1,0 +1,210 @@
+#pragma once
+
+// Paths of a scheme: one alone, or one of each member of a batch side by side; what they leave in a summary.
+//
+//   step         X <- advance(X, h, dW), the summary sees the step
+//   double_step  one step over two increments, as the coarse path of a level makes it                [Giles 2008]
+//
+// Notation: h = length of a step, dW = increments, u = the number of a bridge. A path that leaves the finite numbers stays
+// out of them: its payoff is NaN, whatever a comparison in the payoff makes of it.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include <debias/core/stream.hpp>
+#include <debias/core/stream_batch.hpp>
+#include <debias/core/value.hpp>
+#include <debias/sde/summaries.hpp>
+
+namespace debias {
+
+namespace detail {
+
+template <class M>
+using state_of = std::remove_cvref_t<decltype(std::declval<const M&>().start)>;
+
+/// A state of a model, number or vector. What is not finite stays so from step to step: looking at the end is enough.
+template <class State>
+bool is_finite_state(const State& x) {
+  if constexpr (std::is_arithmetic_v<State>) {
+    return std::isfinite(static_cast<double>(x));
+  } else {
+    return x.allFinite();
+  }
+}
+
+/// The payoff; NaN where the path has seen numbers that are none, which a comparison in the payoff would hide.
+template <class F, class Summary, class State>
+auto pay(const F& payoff, const Summary& summary, const State& end) {
+  bool finite = is_finite_state(end);
+  if constexpr (requires {
+                  { summary.finite() } -> std::same_as<bool>;
+                }) {
+    finite = finite && summary.finite();
+  }
+  if constexpr (std::same_as<Summary, EndOnly>) {
+    std::remove_cvref_t<decltype(payoff(end))> value = payoff(end);
+    return finite ? value : debias::nan_like(std::move(value));
+  } else {
+    std::remove_cvref_t<decltype(payoff(summary))> value = payoff(summary);
+    return finite ? value : debias::nan_like(std::move(value));
+  }
+}
+
+/// The steps of a path, on its state and what it leaves behind.
+template <class Step, class M, class Summary>
+struct Steps {
+  using State = state_of<M>;
+  static constexpr bool takes_bridges = BridgeSummary<Summary> && std::same_as<State, double>;
+
+  /// One step of length h.
+  template <class Noise>
+  static void step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw, double u) {
+    const auto b = Step::diffusion(model, x, t);
+    State next = Step::advance(model, x, t, h, b, dw);
+    if constexpr (takes_bridges) {
+      summary.add(Bridge{x, next, b, h}, u);
+    } else {
+      summary.add(x, next, h);
+    }
+    x = std::move(next);
+  }
+
+  /// One step over two increments of length h: a summary of bridges sees the middle that they imply.
+  template <class Noise>
+  static void double_step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw1,
+                          const Noise& dw2, double u1, double u2) {
+    const Noise both = dw1 + dw2;
+    if constexpr (takes_bridges) {
+      const double b = Step::diffusion(model, x, t);
+      const double next = Step::advance(model, x, t, 2 * h, b, both);
+      const double middle = (x + next + b * (dw1 - dw2)) / 2;
+      summary.add(Bridge{x, middle, b, h}, u1);
+      summary.add(Bridge{middle, next, b, h}, u2);
+      x = next;
+    } else {
+      step(model, x, summary, t, 2 * h, both, 0);
+    }
+  }
+};
+
+/// One path.
+template <class Step, class M, class Summary>
+class Path : Steps<Step, M, Summary> {
+  using Steps = detail::Steps<Step, M, Summary>;
+
+ public:
+  Path(const M& model, const Summary& summary) : model_(model), x_(model.start), summary_(summary) {}
+
+  template <class Noise>
+  void step(double t, double h, const Noise& dw, double u) {
+    Steps::step(model_, x_, summary_, t, h, dw, u);
+  }
+  template <class Noise>
+  void double_step(double t, double h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
+    Steps::double_step(model_, x_, summary_, t, h, dw1, dw2, u1, u2);
+  }
+  template <class F>
+  auto pay(const F& payoff) const {
+    return detail::pay(payoff, summary_, x_);
+  }
+
+ private:
+  const M& model_;
+  state_of<M> x_;
+  Summary summary_;
+};
+
+/// One scalar path of each member of a batch, side by side: a step of one need not wait for that of another.
+template <class Step, class M, class Summary>
+class Paths {
+  using Steps = detail::Steps<Step, M, Summary>;
+
+ public:
+  Paths(const M& model, const Summary& summary, std::size_t size)
+      : model_(model), size_(size), x_(filled(model.start)), summaries_(filled(summary)) {}
+
+  /// dw[b] and u[b] belong to member b.
+  void step(double t, double h, const double* dw, const double* u) {
+    for (std::size_t b = 0; b < size_; ++b) {
+      Steps::step(model_, x_[b], summaries_[b], t, h, dw[b], u == nullptr ? 0 : u[b]);
+    }
+  }
+  void double_step(double t, double h, const double* dw1, const double* dw2, const double* u1, const double* u2) {
+    for (std::size_t b = 0; b < size_; ++b) {
+      Steps::double_step(model_, x_[b], summaries_[b], t, h, dw1[b], dw2[b], u1 == nullptr ? 0 : u1[b],
+                         u2 == nullptr ? 0 : u2[b]);
+    }
+  }
+  template <class F>
+  auto pay(const F& payoff, std::size_t b) const {
+    return detail::pay(payoff, summaries_[b], x_[b]);
+  }
+
+ private:
+  template <class T>
+  static std::array<T, StreamBatch::capacity> filled(const T& x) {
+    return [&]<std::size_t... i>(std::index_sequence<i...>) {
+      return std::array<T, StreamBatch::capacity>{((void)i, x)...};
+    }
+    (std::make_index_sequence<StreamBatch::capacity>{});
+  }
+
+  const M& model_;
+  std::size_t size_;
+  std::array<double, StreamBatch::capacity> x_;
+  std::array<Summary, StreamBatch::capacity> summaries_;
+};
+
+/// The increments of a batch of paths and, with `bridges`, a uniform number after each, step by step.
+template <bool bridges>
+class PathNumbers {
+ public:
+  PathNumbers(StreamBatch& batch, std::int64_t steps, double sqrt_h) : batch_(&batch), left_(steps), sqrt_h_(sqrt_h) {}
+
+  /// To the next step. The numbers of steps 2 i and 2 i + 1 are there together.
+  void next() {
+    row_ += rows_a_step * batch_->size();
+    if (row_ >= end_) fetch();
+  }
+  [[nodiscard]] const double* increments() const { return &numbers_[row_]; }
+  [[nodiscard]] const double* uniforms() const { return bridges ? &numbers_[row_ + batch_->size()] : nullptr; }
+
+ private:
+  static constexpr std::size_t rows_a_step = bridges ? 2 : 1;
+
+  void fetch() {
+    const std::size_t size = batch_->size();
+    const auto fit = static_cast<std::int64_t>(numbers_.size() / (rows_a_step * size)) & ~std::int64_t{1};
+    const auto steps = static_cast<std::size_t>(std::min(left_, fit));
+    left_ -= static_cast<std::int64_t>(steps);
+    row_ = 0;
+    end_ = steps * rows_a_step * size;
+    const std::span<double> some = std::span(numbers_).first(end_);
+    batch_->uniforms(some);
+    for (std::size_t i = 0; i < end_; i += rows_a_step * size) {
+      const std::span<double> row = bridges ? some.subspan(i, size) : some;
+      normal_quantiles(row);
+      for (double& z : row) z *= sqrt_h_;
+      if (!bridges) break;
+    }
+  }
+
+  StreamBatch* batch_;
+  std::int64_t left_;
+  double sqrt_h_;
+  std::size_t row_ = 0;
+  std::size_t end_ = 0;
+  std::array<double, 4 * StreamBatch::capacity> numbers_;
+};
+
+}  // namespace detail
+
+}  // namespace debias

@@ -1,0 +1,65 @@
+#pragma once
+
+// A run whose samples are drawn twice: first for the questions that they ask, which are then answered all at once, and again,
+// in the same order, to be recorded. On one thread.
+//
+//   collection.collect_queries(draws) calls draws() for its questions, and has them answered; then the draws that count read them
+
+#include <algorithm>
+#include <cstdint>
+
+#include <debias/core/estimate.hpp>
+
+namespace debias::python {
+
+template <class Collection>
+class Collecting {
+ public:
+  explicit Collecting(Collection& collection) : collection_(&collection) {}
+
+  void begin(std::int64_t first, std::int64_t last, bool in_order) {
+    in_order_ = in_order;
+    collected_ = first;
+    end_ = last;
+  }
+  template <class Draw>
+  void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) {
+    if (!in_order_ || first >= collected_) {  // some whole chunks at once, where all will come
+      collected_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
+      collect_queries(first, collected_, draw);
+    }
+    for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
+  }
+  template <class Draw>
+  auto again(std::int64_t i, const Draw& draw) {
+    collect_queries(i, i + 1, draw);
+    NullRecord record;
+    return draw(i, record).value;
+  }
+
+ private:
+  static constexpr std::int64_t ahead = 1 << 16;
+
+  template <class Draw>
+  void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {
+    collection_->collect_queries([&] {
+      NullRecord record;
+      for (std::int64_t i = first; i < last; ++i) draw(i, record);
+    });
+  }
+
+  Collection* collection_;
+  bool in_order_ = false;
+  std::int64_t collected_ = 0;
+  std::int64_t end_ = 0;
+};
+
+/// `estimate` so.
+template <Estimator E, class Collection>
+auto estimate_collected(Collection& collection, const E& estimator, Plan plan) {
+  plan.threads = 1;
+  Collecting<Collection> way(collection);
+  return debias::detail::estimate_by(way, estimator, plan);
+}
+
+}  // namespace debias::python

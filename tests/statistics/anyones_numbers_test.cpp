@@ -1,0 +1,129 @@
+// Data sets on which an earlier `diagnose` was wrong, each with siblings.
+
+#include <cmath>
+#include <cstdint>
+#include <functional>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/stream.hpp>
+
+#include "commands/diagnose.hpp"
+
+using namespace debias;
+using commands::Diagnosis;
+
+namespace {
+
+using Next = std::function<double(Stream&)>;
+
+Diagnosis diagnose(std::int64_t n, std::uint64_t seed, const Next& next) {
+  Stream rng(seed, 0);
+  commands::Sums sums;
+  for (std::int64_t i = 1; i <= n; ++i) sums.add(next(rng), i);
+  Diagnosis d;
+  sums.finish(d);
+  commands::conclude(d);
+  return d;
+}
+
+bool covers(const Diagnosis& d, double truth) { return d.interval.low <= truth && truth <= d.interval.high; }
+
+Next autoregression(double rho, double start) {
+  return [rho, x = start](Stream& rng) mutable { return x = rho * x + std::sqrt(1 - rho * rho) * rng.normal(); };
+}
+
+}  // namespace
+
+TEST_CASE("values that depend on their neighbours: wide intervals that are not called reliable",
+          "[evidence][inputs][diagnose][statistical][!mayfail]") {
+  // Not met yet: rho .98 is reliable and missed in 5 of 40, .95 with 1,000 values reliable in 13.
+  struct Case {
+    double rho;
+    std::int64_t n;
+    int least;  // of 40
+  };
+  // 20 integrated times of 2,000 values: the error itself is hardly known.
+  for (const Case c : {Case{0.99, 2000, 30}, Case{0.98, 2000, 30}, Case{0.95, 1000, 30}}) {
+    CAPTURE(c.rho);
+    int covered = 0;
+    int reliable_and_missed = 0;
+    int reliable = 0;
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+      Stream start(seed, 1);
+      const Diagnosis d = diagnose(c.n, seed, autoregression(c.rho, start.normal()));
+      covered += covers(d, 0);
+      reliable += d.verdict.interval_reliable();
+      reliable_and_missed += d.verdict.interval_reliable() && !covers(d, 0);
+    }
+    CHECK(covered >= c.least);
+    CHECK(reliable <= 8);
+    CHECK(reliable_and_missed <= 3);
+  }
+}
+
+TEST_CASE("few hits of a heavy tail, or few values, are never called finite",
+          "[evidence][inputs][diagnose][statistical]") {
+  const auto pareto = [](double index) { return [index](Stream& rng) { return std::pow(rng.uniform(), -1 / index); }; };
+  for (const double index : {1.6, 1.3, 1.9}) {
+    CAPTURE(index);
+    int finite = 0;
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+      const Next hits = [x = pareto(index)](Stream& rng) { return rng.uniform() < 1e-4 ? x(rng) : 0.0; };
+      finite += diagnose(100'000, seed, hits).verdict.variance == Finiteness::finite;
+    }
+    CHECK(finite == 0);
+  }
+  const Next tails[] = {pareto(1.6),
+                        pareto(1.0),
+                        [](Stream& rng) { return rng.normal(); },
+                        [](Stream& rng) { return std::exp(2.5 * rng.normal()); },
+                        [](Stream& rng) { return rng.normal() / rng.normal(); },
+                        [](Stream& rng) { return rng.exponential(); }};
+  for (const Next& next : tails) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      CHECK(diagnose(10, seed, next).verdict.variance != Finiteness::finite);
+    }
+  }
+}
+
+TEST_CASE("a wide lognormal is never infinite without a hedge", "[evidence][inputs][diagnose][statistical][!mayfail]") {
+  // Not met yet: shown in 3 of 20 at 2.5, and a power of 1.2 in 1 of 20.
+  for (const double sigma : {2.5, 2.0, 3.0}) {
+    CAPTURE(sigma);
+    int shown = 0;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      const RunVerdict v =
+          diagnose(10'000, seed, [sigma](Stream& rng) { return std::exp(sigma * rng.normal()); }).verdict;
+      shown += v.variance == Finiteness::infinite && v.grade == Grade::shown;
+      if (v.variance != Finiteness::infinite || v.grade == Grade::shown) continue;
+      bool hedged = false;
+      for (const std::string& s : v.sentences()) hedged = hedged || s.find("lognormal") != s.npos;
+      CHECK(hedged);
+    }
+    CHECK(shown == 0);
+  }
+  // Power: a power is.
+  int shown = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const RunVerdict v = diagnose(10'000, seed, [](Stream& rng) { return std::pow(rng.uniform(), -1 / 1.2); }).verdict;
+    shown += v.variance == Finiteness::infinite && v.grade == Grade::shown;
+  }
+  CHECK(shown >= 10);
+}
+
+TEST_CASE("a chain that alternates gets a word", "[evidence][inputs][diagnose][statistical]") {
+  for (const double rho : {-0.9, -0.95, -0.8}) {
+    CAPTURE(rho);
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      const Diagnosis d = diagnose(20'000, seed, autoregression(rho, 0));
+      bool told = false;
+      for (const std::string& warning : d.warnings) told = told || warning.find("alternate") != warning.npos;
+      CHECK(told);
+    }
+  }
+  // Power: independent values get none.
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    CHECK(diagnose(20'000, seed, [](Stream& rng) { return rng.normal(); }).warnings.empty());
+  }
+}
