@@ -686,7 +686,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
   if (!advice.usable()) throw refusal_of(advice);
   Plan run = plan;
   run.samples = advice.members;
-  run.pilot += {advice.pilot_work, advice.pilot_seconds};
+  run.pilot += {advice.pilot_work, advice.pilot_seconds, advice.survey.evidence.facts, advice.facts};
   // How long a block takes and what it varies by is known only from blocks: the goal gets a pilot of its own. The chosen
   // prediction is the best of some, and the luckiest.
   if (plan.goal.seconds > 0) run.goal.seconds = std::max(1e-9, plan.goal.seconds - advice.pilot_seconds);
@@ -695,8 +695,6 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  statistics.pilot_levels = advice.survey.evidence.facts;
-  statistics.sequence = advice.facts;
   for (const Warning& remark : advice.survey.remarks) {
     if (remark.code == WarningCode::coupling) statistics.warnings.push_back({remark.code, remark.text + "."});
   }

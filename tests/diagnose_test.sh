@@ -89,7 +89,7 @@ check "its standard error in JSON" has '"standard_error": 5.7735026918962.*e+307
 check "and its status" has '"status": "ok"' out
 seq 3 > three
 diagnosed 0 three
-check "three values show no tail" has 'variance undecided: no tail to be seen' out
+check "three values show no tail" has 'variance open: no tail to be seen' out
 printf '1\n2' > unfinished
 diagnosed 0 unfinished
 check "the last row needs no newline" has '^values *2$' out

@@ -10,7 +10,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
-    core/verdict) echo 'core/.*|statistics/evidence' ;;
+    core/verdict | core/plan) echo 'core/.*|statistics/evidence' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/dyadic) echo 'core/.*|pmf/.*' ;;

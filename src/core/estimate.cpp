@@ -47,6 +47,8 @@ Statistics finish(std::uint64_t seed, RunState state) {
   s.seconds = state.seconds + state.pilot.seconds;
   s.pilot_work = state.pilot.work;
   s.pilot_seconds = state.pilot.seconds;
+  s.pilot_levels = state.pilot.levels;
+  s.sequence = state.pilot.sequence;
   s.nonfinite = state.extremes.nonfinite();
   s.first_nonfinite = state.extremes.first_nonfinite();
   s.largest = state.extremes.largest();
@@ -464,7 +466,7 @@ Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body
   pilot.save = {};
   pilot.earlier = {};
   pilot.pilot = {};
-  PilotCost spent;
+  PilotRun spent;
   const auto planned = [&](std::int64_t blocks) {
     Plan result = plan;
     result.samples = blocks * block;
@@ -545,8 +547,6 @@ Statistics merge(const Statistics& a, const Statistics& b) {
     }
   }
   statistics.masses = a.masses.empty() ? b.masses : a.masses;
-  statistics.pilot_levels = a.pilot_levels.empty() ? b.pilot_levels : a.pilot_levels;
-  statistics.sequence = a.pilot_levels.empty() ? b.sequence : a.sequence;
   add_warnings(statistics);
   return statistics;
 }

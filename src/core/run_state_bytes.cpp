@@ -140,6 +140,45 @@ struct detail::Codec {
     }
   };
 
+  template <class Io, class T>
+  static void code(Io& io, std::optional<T>& x, const T& none) {
+    bool is_there = x.has_value();
+    io.number(is_there);
+    T value = x.value_or(none);
+    if constexpr (std::same_as<T, Rates>) {
+      bool geometric = value.decay == Decay::geometric;
+      io.number(value.variance_decay);
+      io.number(value.work_growth);
+      io.number(geometric);
+      value.decay = geometric ? Decay::geometric : Decay::polynomial;
+    } else {
+      io.number(value);
+    }
+    if constexpr (Io::reads) {
+      x.reset();
+      if (is_there) x = value;
+    }
+  }
+
+  template <class Io>
+  static void code(Io& io, PilotRun& p) {
+    io.number(p.work);
+    io.number(p.seconds);
+    list(io, p.levels, 90, most_pilot_levels, [&io](LevelFacts& f) {
+      io.number(f.level);
+      io.number(f.draws);
+      for (double* x : {&f.mean, &f.second_moment, &f.kurtosis, &f.nonzero, &f.work, &f.value_variance, &f.value_square,
+                        &f.tail_index, &f.tail_error}) {
+        io.number(*x);
+      }
+      io.number(f.is_base);
+      demand(f.level >= 0 && f.draws >= 0);
+    });
+    code(io, p.sequence.declared, Rates{0, 0});
+    code(io, p.sequence.exact_from, std::int64_t{0});
+    io.number(p.sequence.constant_limit);
+  }
+
   template <class Io>
   static void code(Io& io, RunState& s, [[maybe_unused]] bool whole = true) {
     [[maybe_unused]] Demands demands;
@@ -156,8 +195,7 @@ struct detail::Codec {
       s.seed.reset();
       if (has_seed) s.seed = seed;
     }
-    io.number(s.pilot.work);
-    io.number(s.pilot.seconds);
+    code(io, s.pilot);
     if constexpr (Io::reads) {
       demand(s.chunk_ > 0 && s.block_ > 0 && s.chunk_ % s.block_ == 0 &&
              std::has_single_bit(static_cast<std::uint64_t>(s.chunk_ / s.block_)));
@@ -208,6 +246,7 @@ struct detail::Codec {
   }
 
   static constexpr std::size_t most_rows = 121;
+  static constexpr std::size_t most_pilot_levels = 4096;
   static constexpr std::size_t io_limit = std::size_t{1} << 40;
 };
 

@@ -11,22 +11,30 @@
 #include <functional>
 #include <memory>
 #include <stdexcept>
+#include <vector>
 
 #include <debias/core/ranks.hpp>
+#include <debias/statistics/evidence.hpp>
 
 namespace debias {
 
 class RunState;
 
-/// What was drawn to choose an estimator or its samples: it counts in the work and the seconds of the result, not in its
-/// mean.
-struct PilotCost {
+/// What was drawn to choose an estimator or its samples: it counts in the work and the seconds of the result, and in what is
+/// known of the levels, not in the mean.
+struct PilotRun {
   double work = 0;
   double seconds = 0;
+  std::vector<LevelFacts> levels = {};
+  SequenceFacts sequence = {};  ///< what the sequence states of itself
 
-  PilotCost& operator+=(const PilotCost& other) {
+  PilotRun& operator+=(const PilotRun& other) {
     work += other.work;
     seconds += other.seconds;
+    if (levels.empty()) {
+      levels = other.levels;
+      sequence = other.sequence;
+    }
     return *this;
   }
 };
@@ -63,7 +71,7 @@ struct Plan {
   /// another estimator.
   std::shared_ptr<const RunState> earlier = {};
   /// Spent before this run, by a recipe: counted in the result.
-  PilotCost pilot = {};
+  PilotRun pilot = {};
   /// Samples of the run that these are a part of, a shard: they decide whether it can be drawn. 0: `samples`.
   std::int64_t whole = 0;
   Ranks ranks = {};  ///< the processes that share the samples: this one alone, or those of mpi.hpp

@@ -70,7 +70,7 @@ class RunState {
   std::optional<std::uint64_t> seed;  ///< of the samples; none where they are of no one run
   Extremes extremes;
   double seconds = 0;  ///< of the runs that these sums are from, without their pilots
-  PilotCost pilot;     ///< of these runs
+  PilotRun pilot;      ///< of these runs
 
  private:
   friend struct detail::Codec;
