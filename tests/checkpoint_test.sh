@@ -109,12 +109,12 @@ check "it is said again, but for its pilot" same "$(answer resume r | without_re
 chosen r
 # Of a run without a pilot the sums are the same; its interval knows less of the levels.
 sums() { grep -E '^  "(mean|standard_error|samples|blocks)":|^ *"(count|second_moment)":'; }
-check "it grows under its PMF" same "$(answer resume r --samples 5000 | sums)" "$(answer run A03 $shape --samples 5000 | sums)"
+check "it grows under its PMF" same "$(answer resume r --samples 3e5 | sums)" "$(answer run A03 $shape --samples 3e5 | sums)"
 check "and its pilot still counts" same "$(answer resume r | grep '^  "pilot_work"')" "$(echo "$recipe" | grep '^  "pilot_work"')"
 answer run E02 --estimator recipe --error 0.1 --checkpoint rg > /dev/null
 chosen rg
-check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.05 | sums)" \
-  "$(answer run E02 $shape --error 0.05 | sums)"
+check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.01 | sums)" \
+  "$(answer run E02 $shape --error 0.01 | sums)"
 for i in 1 2; do answer run A03 --estimator recipe --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
 check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe | without_work)" \
   "$(echo "$recipe" | without_recipe | without_work)"

@@ -217,8 +217,8 @@ TEST_CASE("samples are members at the doors: run, resume, shards, sweep and repl
     if (!p.measured) continue;
     measured = true;
     const Statistics one = problem().run(
-        {sweep.setup.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
-         p.pmf, sweep.setup.base_level, "", 16},
+        {sweep.form.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
+         p.pmf, sweep.form.base_level, "", 16},
         {.samples = 4000});
     CHECK(p.variance == one.components[0].variance);
     CHECK(p.work == one.work_per_sample());
@@ -265,7 +265,7 @@ TEST_CASE("the full text of a report holds more than the brief one, and JSON doe
   };
   const auto longer = [&](const auto& report) { return lines(report, true) > lines(report, false); };
   const RunReport by_recipe =
-      run({.problem = &problem(), .shape = {.pmf = ByRecipe{}}, .sampling = {.samples = 20'000}});
+      run({.problem = &problem(), .shape = {.estimator = commands::Estimator{.recipe = true}}, .sampling = {.samples = 20'000}});
   CHECK(lines(by_recipe, false) <= 8 + std::ssize(by_recipe.statistics.warnings));
   CHECK(longer(by_recipe));
   CHECK(longer(run({.problem = &problem(), .sampling = {.samples = 1000}})));
