@@ -314,7 +314,7 @@ TEST_CASE("samples are members wherever they are counted, in whole blocks", "[st
   const auto one = estimate(e, {.samples = 1});
   CHECK(one.samples == 64);
   REQUIRE(!one.warnings.empty());
-  CHECK_THAT(one.warnings.front(), Catch::Contains("one block of 64 samples has no standard error"));
+  CHECK_THAT(one.warnings.front().text, Catch::Contains("one block of 64 samples has no standard error"));
   CHECK(one.state.block() == 64);
 }
 
@@ -346,7 +346,7 @@ TEST_CASE("what goes wrong in a block names its first sample", "[stratified][exa
   CHECK(r.first_nonfinite == 7 * 16);
   CHECK(r.nonfinite == 1);
   REQUIRE(!r.warnings.empty());
-  CHECK_THAT(r.warnings.front(), Catch::Contains("1 of 100 blocks of 16 samples") && Catch::Contains("sample 112"));
+  CHECK_THAT(r.warnings.front().text, Catch::Contains("1 of 100 blocks of 16 samples") && Catch::Contains("sample 112"));
 }
 
 TEST_CASE("a replay names block and member", "[stratified][exact]") {
