@@ -217,8 +217,9 @@ TEST_CASE("chains and random series gain by the first number of each of their st
   const Dyadic pmf({8, 8, 7, 6, 5, 4, 3}, 1);
   CHECK(estimator_laws(nets(chain, pmf), 4.0 / 3, few) == Failures{});
   CHECK(estimator_laws(nets(terms, pmf), 2, few) == Failures{});
-  CHECK(block_variance(nets(chain, pmf)) <
-        block_variance(nets(chain, pmf, Points::plain)) / 3);  // 3.9: the tail is left
+  // Exact for plain members: 0.0261 of the heads and 0.0052 of the tail draw, which no net touches: of 0.0313 nets can take a factor
+  // of 6 at most. A factor of 3 asks that they take one of 5 from the heads; without the coordinates of its steps a chain gains nothing.
+  CHECK(block_variance(nets(chain, pmf)) < block_variance(nets(chain, pmf, Points::plain)) / 3);
   CHECK(block_variance(nets(terms, pmf)) < block_variance(nets(terms, pmf, Points::plain)) / 4);
 }
 
