@@ -289,7 +289,7 @@ TEST_CASE("a goal for the error fixes the members before the run", "[recipe][sta
   const Moments m = Moments::of(z);
   CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
   const auto relative = estimate(recipe(Comb{}), {.seed = 2, .goal = {.relative_error = 1e-4}});
-  CHECK(relative.total_error() == Approx(1e-4 * relative.size()).epsilon(0.2));
+  CHECK(relative.total_error() == Approx(1e-4 * relative.norm()).epsilon(0.2));
   CHECK_THROWS_WITH(estimate(recipe(Comb{}), {.goal = {.error = -1}}), Catch::Contains("error = -1"));
 }
 

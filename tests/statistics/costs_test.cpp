@@ -57,7 +57,7 @@ TEST_CASE("a sequence that does not state its work is told to, early", "[evidenc
   const auto said = [](const auto& sequence, const Plan& plan) {
     std::string all;
     try {
-      for (const std::string& remark : advise(level_runs(sequence), plan).survey.remarks) all += remark + ". ";
+      for (const Warning& remark : advise(level_runs(sequence), plan).survey.remarks) all += remark.text + ". ";
     } catch (const std::invalid_argument& e) {
       all = e.what();
     }

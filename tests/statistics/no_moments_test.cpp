@@ -65,8 +65,8 @@ TEST_CASE("reciprocals of means of wild weights are right, open, or refused in w
         ++ran;
         const Interval i = r.interval();
         covered += i.low <= weights.truth() && weights.truth() <= i.high;
-        for (const std::string& remark : r.advice.survey.remarks) said += remark;
-        for (const std::string& warning : r.warnings) said += warning;
+        for (const Warning& remark : r.advice.survey.remarks) said += remark.text;
+        for (const Warning& warning : r.warnings) said += warning.text;
       } catch (const std::invalid_argument& e) {
         said = e.what();
       }
@@ -82,7 +82,7 @@ TEST_CASE("reciprocals of means of wild weights are right, open, or refused in w
 TEST_CASE("a survey of levels without moments says so, and accuses no coupling", "[evidence][inputs][exact]") {
   const auto remarks = [](const Survey& s) {
     std::string all;
-    for (const std::string& remark : s.remarks) all += remark + ". ";
+    for (const Warning& remark : s.remarks) all += remark.text + ". ";
     return all;
   };
   const std::string wild = remarks(survey(reciprocal(Weights{3}), 6, {.samples = 4096}));
