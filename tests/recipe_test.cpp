@@ -197,8 +197,8 @@ TEST_CASE("a recipe without a PMF throws a NoPmfError with the measured rates, a
   CHECK_THAT(slow->reason(), Catch::Contains("E D_k^2 falls like 2^("));
   CHECK_THAT(slow->help(), Catch::Contains("multilevel"));
   CHECK_THAT(slow->what(), Catch::StartsWith("recipe: no PMF has finite variance and finite work ("));
-  // Differences that do not fall, and such as grow: no fall is claimed, and not even a mean.
-  for (const double rate : {0.0, -0.5}) {
+  // Differences that do not fall beside work that grows, and such as grow: no fall is claimed, and not even a mean.
+  for (const double rate : {0.0, -0.2}) {
     const Advice none = advise(level_runs(Pure{rate}), {.samples = 1 << 17});
     REQUIRE_FALSE(none.usable());
     CHECK_THAT(none.sentences[0], !Catch::Contains("falls like"));
@@ -282,14 +282,15 @@ TEST_CASE("a goal for the error fixes the members before the run", "[recipe][sta
     const auto r = estimate(recipe(Chosen{2}), {.seed = seed, .goal = {.error = 0.004}});
     met += r.goal_met() ? 1 : 0;
     CHECK(r.total_error() < 1.1 * 0.004);
-    CHECK(r.total_error() > 0.8 * 0.004);
+    CHECK(r.total_error() > 0.7 * 0.004);  // two errors of the pilot's variance are allowed for
     z.push_back(z_of(r, 1));
   }
   CHECK(met >= 34);
   const Moments m = Moments::of(z);
   CHECK(std::abs(m.mean) < 4.5 * m.standard_error());
   const auto relative = estimate(recipe(Comb{}), {.seed = 2, .goal = {.relative_error = 1e-4}});
-  CHECK(relative.total_error() == Approx(1e-4 * relative.norm()).epsilon(0.2));
+  CHECK(relative.total_error() <= 1e-4 * relative.norm());
+  CHECK(relative.total_error() > 0.7e-4 * relative.norm());
   CHECK_THROWS_WITH(estimate(recipe(Comb{}), {.goal = {.error = -1}}), Catch::Contains("error = -1"));
 }
 

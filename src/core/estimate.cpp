@@ -474,11 +474,17 @@ Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body
     if (plan.earlier) result.samples = std::max(result.samples, plan.samples);  // fixed before those were drawn
     return result;
   };
+  double again = 0;  // work of chunks that were cut, and are drawn once more
+  const auto extend = [&](const Statistics& s) {
+    again += s.work * static_cast<double>(s.samples % pieces.chunk) / static_cast<double>(s.samples);
+    pilot.earlier = std::make_shared<RunState>(s.state);
+  };
   for (;;) {
     pilot.samples = pilot_blocks * block;
     check_on_all(pilot, check);
     const Statistics s = run(pilot, {.estimator = "pilot"}, pieces, body);
-    spent = {s.work, s.seconds};
+    spent.work = s.work + again;
+    spent.seconds = s.seconds;
     const double wanted = wanted_blocks(plan.goal, s, spent.seconds, bias(s));
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.blocks);
@@ -494,7 +500,7 @@ Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body
                                     : std::clamp(16 * (plan.samples / block), std::int64_t{1} << 16, most_pilot_blocks);
       if ((equal || unknown_mean || rare) && s.blocks < most) {
         pilot_blocks = std::min(most, 2 * s.blocks);
-        pilot.earlier = std::make_shared<RunState>(s.state);
+        extend(s);
         continue;
       }
       if (unknown_mean) return planned(s.blocks);  // the result says that its mean is not told from 0
@@ -513,13 +519,13 @@ Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& body
       }
       if (plan.goal.seconds > 0)
         return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
-      // What the pilots have cost is worth a run of that length.
-      const double as_pilots = (plan.pilot.work + s.work) / std::max(s.work / static_cast<double>(s.blocks), 1e-300);
-      const double least = std::min(as_pilots, most_blocks);
+      // What the pilot of a recipe has cost is worth a run of that length.
+      const double as_pilot = plan.pilot.work / std::max(s.work / static_cast<double>(s.blocks), 1e-300);
+      const double least = std::min(as_pilot, most_blocks);
       return planned(std::max(fewest, static_cast<std::int64_t>(std::ceil(std::max(wanted, least)))));
     }
     pilot_blocks = static_cast<std::int64_t>(next);
-    pilot.earlier = std::make_shared<RunState>(s.state);
+    extend(s);
   }
 }
 

@@ -198,7 +198,7 @@ TEST_CASE("samples are members at the doors: run, resume, shards, sweep and repl
   }
   const KeptRun joined = merged(shards);
   CHECK(validation::bits_of(run(joined.request, {}, {joined.sums}).statistics) == validation::bits_of(s));
-  asked.shard = Shard{1, 20};
+  asked.shard = Shard{20, 20};
   CHECK(refusal([&] { settled(asked); }).find("10048 samples are only 10 chunks of 1024") != std::string::npos);
 
   const LargeSample& largest = s.largest.front();

@@ -244,14 +244,14 @@ TEST_CASE("a result whose differences come without values says that its coupling
   const auto result = estimate(single_term(reciprocal(x)), of_seed(1, 1000));
   CHECK(result.coupling.state == State::no_values);
   std::ostringstream text;
-  text << result;
+  text << full(result);
   CHECK_THAT(text.str(), Contains("coupling      not checked (differences come without"));
   CHECK(estimate(x, of_seed(1, 1000)).coupling.state == State::no_levels);
   CHECK(text_of(estimate(x, of_seed(1, 1000)).coupling).empty());
   CHECK(estimate(truncated(Squared{}, 3), of_seed(1, 1000)).coupling.state == State::no_levels);
   CHECK(estimate(single_term(Squared{}, Geometric(0.5)), of_seed(1, 4)).coupling.state == State::too_few);
   text.str("");
-  text << estimate(single_term(Squared{Slip::exchanged}, Geometric(0.5)), ten_thousand);
+  text << full(estimate(single_term(Squared{Slip::exchanged}, Geometric(0.5)), ten_thousand));
   CHECK_THAT(text.str(), Contains("WRONG at level"));
 }
 
@@ -441,7 +441,7 @@ TEST_CASE("a named estimator is the same estimator, with all that it offers", "[
   CHECK(b.name == "gas, mu = 3");
   CHECK(b.estimator == a.estimator);
   std::ostringstream text;
-  text << b;
+  text << full(b);
   CHECK_THAT(text.str(), Contains("name          gas, mu = 3\n"));
   const auto block = estimate(stratified(plain, 64), ten_thousand);
   const auto named_block = estimate(stratified(mine, 64), ten_thousand);

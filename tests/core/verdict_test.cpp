@@ -48,7 +48,7 @@ Statistics statistics_of(const Table& t) {
   };
   double total = 0;
   for (int k = 1; k < 64; ++k) total += fall(t.rho, k);
-  s.levels.push_back({0, 0, true, s.samples, 1, 2, 8, 1, 0});
+  s.levels.push_back({0, 0, true, s.samples, 1, 2, 2, 1, 0});
   for (int k = 1; k < 64; ++k) {
     const double p = fall(t.rho, k) / total;
     const auto count = static_cast<std::int64_t>(std::floor(p * t.samples));
@@ -56,7 +56,7 @@ Statistics statistics_of(const Table& t) {
     const double shape = fall(t.beta, t.polynomial ? k + 1 : k) * std::pow(k, -t.power);
     const double second = k < t.zero_from ? shape : 0;
     s.levels.push_back(
-        {k, k, false, count, 0, second, t.kurtosis * second * second, 1.0 * k, k < t.probability_until ? p : 0});
+        {k, k, false, count, 0, second, second > 0 ? t.kurtosis : 0, 1.0 * k, k < t.probability_until ? p : 0});
   }
   return s;
 }
@@ -289,20 +289,18 @@ TEST_CASE("the verdict names the samples to replay", "[verdict]") {
   CHECK_THAT(all, Catch::Contains("index " + std::to_string(run.largest.front().index) + " of level"));
 }
 
-TEST_CASE("kurtosis speaks for the interval, not for the variance", "[verdict]") {
-  // xi = 0.37: finite variance, infinite fourth moment; the kurtosis of most runs is above 100.
+TEST_CASE("a high kurtosis alone does not speak against the variance", "[verdict]") {
+  // xi = 0.37: finite variance, infinite fourth moment; the kurtosis of most runs is above 100, so that some 100 of 10,000
+  // samples carry the variance.
   int flagged = 0;
   int high_kurtosis = 0;
-  int unreliable = 0;
   constexpr int runs = 20;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
     const RunVerdict v = LabelledCase{"D14", 0.37, catalog::Method::roulette}.run(10'000, seed).verdict();
     flagged += v.variance != Finiteness::finite ? 1 : 0;
     high_kurtosis += v.kurtosis > 100 ? 1 : 0;
-    unreliable += v.interval_reliable() ? 0 : 1;
   }
   CHECK(flagged == 0);
-  CHECK(unreliable == runs);
   CHECK(high_kurtosis > runs / 2);
 }
 
