@@ -158,9 +158,10 @@ LevelsSay levels_say(const Statistics& s) {
   l.growth = say.sum.growth;
   l.contradicted = surplus(e) > surplus_limit;
   l.rho = exponent_of(masses, e.last_usable, l.polynomial);
-  // In the unit of the PMF.
-  l.beta = e.decay.value;
-  l.beta_error = e.decay.error;
+  // In the unit of the PMF: a power of the level is no fall beside powers of 2, and they are a fall beyond any power of it.
+  const bool same_unit = e.polynomial == l.polynomial;
+  l.beta = same_unit ? e.decay.value : e.polynomial ? 0 : infinity;
+  l.beta_error = same_unit ? e.decay.error : 0;
   const double border = l.polynomial ? 1 : 0;
   const double span = std::max(l.rho - border, 1e-3);
   l.tail_index = (l.rho - l.beta / 2) / span;

@@ -48,7 +48,8 @@ class Logarithms {
     return (at(from) - at(to)) / static_cast<double>(to - from);
   }
   void look_at(std::int64_t level) {
-    near_ = std::min(last(), level);
+    // A table that ends there shows no bend beyond: so deep that half as much follows.
+    near_ = std::min({last(), level, std::max(first_ + 1, 2 * last() / 3)});
     far_ = std::min(last(), 2 * near_);
   }
   // Falls like k^-exponent: ever more slowly.

@@ -113,7 +113,8 @@ void Pilot::grow(double work, std::int64_t deepest) {
       end_ = levels[i];
       break;
     }
-    const double spent = static_cast<double>(draws - have) * each;
+    // A chunk that was cut is drawn once more.
+    const double spent = static_cast<double>(draws - have + have % default_chunk) * each;
     work_ += spent;
     left = std::max(0.0, left - spent);
   }

@@ -264,8 +264,9 @@ TEST_CASE("the full text of a report holds more than the brief one, and JSON doe
     return std::count(all.begin(), all.end(), '\n');
   };
   const auto longer = [&](const auto& report) { return lines(report, true) > lines(report, false); };
-  const RunReport by_recipe =
-      run({.problem = &problem(), .shape = {.estimator = commands::Estimator{.recipe = true}}, .sampling = {.samples = 20'000}});
+  const RunReport by_recipe = run({.problem = &problem(),
+                                   .shape = {.estimator = commands::Estimator{.recipe = true}},
+                                   .sampling = {.samples = 20'000}});
   CHECK(lines(by_recipe, false) <= 8 + std::ssize(by_recipe.statistics.warnings));
   CHECK(longer(by_recipe));
   CHECK(longer(run({.problem = &problem(), .sampling = {.samples = 1000}})));

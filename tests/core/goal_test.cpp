@@ -25,7 +25,8 @@ TEST_CASE("a goal for the error is met by as many samples as it takes and not ma
     CHECK(r.goal_met());
     const double least = 1 / (Goal::aim * error * Goal::aim * error);  // of variance 1
     CHECK(static_cast<double>(r.samples) > 0.8 * least);
-    CHECK(static_cast<double>(r.samples) < 1.35 * least);
+    // Two errors of the pilot's variance are allowed for: 1.18 at its 128 hits (kurtosis 9), and it errs by a tenth itself.
+    CHECK(static_cast<double>(r.samples) < 1.5 * least);
     CHECK(std::abs(r.mean - 1) < 4.5 * r.standard_error);
   }
   const auto relative =

@@ -346,7 +346,8 @@ TEST_CASE("what goes wrong in a block names its first sample", "[stratified][exa
   CHECK(r.first_nonfinite == 7 * 16);
   CHECK(r.nonfinite == 1);
   REQUIRE(!r.warnings.empty());
-  CHECK_THAT(r.warnings.front().text, Catch::Contains("1 of 100 blocks of 16 samples") && Catch::Contains("sample 112"));
+  CHECK_THAT(r.warnings.front().text,
+             Catch::Contains("1 of 100 blocks of 16 samples") && Catch::Contains("sample 112"));
 }
 
 TEST_CASE("a replay names block and member", "[stratified][exact]") {

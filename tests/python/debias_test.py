@@ -246,17 +246,19 @@ class Results(unittest.TestCase):
         self.assertTrue(all(r.code for r in survey.remarks))
 
     def test_no_pmf_is_no_typing_error(self):
-        for options, grade in ({}, "declared"), ({"pmf": "auto"}, None):
+        for problem, options, grade, decay, growth, word in (
+                ("gbm-by-euler", {}, "declared", 1, 1, "falls like 2^(-"),
+                ("black-scholes-gamma", {"estimator": "recipe"}, None, -1, 0, "grows like 2^(")):
             with self.assertRaisesRegex(debias.NoPmfError, "no PMF has") as caught:
-                debias.estimate("gbm-by-euler", **options)
+                debias.estimate(problem, **options)
             e = caught.exception
             self.assertIsInstance(e, ValueError)
             self.assertIn(e.grade, [grade] if grade else ["shown", "likely"])
             self.assertEqual(e.variance_decay_error is None, grade == "declared")
-            self.assertAlmostEqual(e.variance_decay, 1, delta=0.3)
-            self.assertAlmostEqual(e.work_growth, 1, delta=0.05)
+            self.assertAlmostEqual(e.variance_decay, decay, delta=0.3)
+            self.assertAlmostEqual(e.work_growth, growth, delta=0.05)
             self.assertEqual(e.decay, "geometric")
-            self.assertIn("E D_k^2 falls like 2^(-", e.reason)
+            self.assertIn("E D_k^2 " + word, e.reason)
             self.assertIn("coupling", e.help)
             again = pickle.loads(pickle.dumps(e))
             self.assertEqual((str(again), again.reason, again.grade), (str(e), e.reason, e.grade))
@@ -269,8 +271,8 @@ class Results(unittest.TestCase):
             self.assertNotIsInstance(caught.exception, debias.NoPmfError)
 
     def test_reports_are_brief_unless_full(self):
-        reports = [debias.estimate("A10", samples=20000), debias.estimate("A10", samples=20000, pmf="auto"),
-                   debias.estimate("A10", estimator="multilevel", error=0.05), debias.recipe("A10", samples=20000),
+        reports = [debias.estimate("A10", samples=20000), debias.estimate("A10", samples=20000, estimator="recipe"),
+                   debias.estimate("A10", estimator="multilevel", error=0.05), debias.advise("A10", samples=20000),
                    debias.survey("A10", levels=6, samples=1000), debias.diagnose(np.arange(1, 2000) ** 0.5)]
         for report in reports:
             self.assertGreater(len(report.full().splitlines()), len(str(report).splitlines()))
@@ -563,7 +565,7 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "seed", e, "A10", seed=-3)
         self.raises(ValueError, "PMF.*did you mean", e, "A10", pmf="geometrc:r=0.5")
         self.raises(ValueError, "base_level", e, "A10", base_level="x")
-        self.raises(ValueError, "no PMF|PMF", e, "gbm-by-euler", estimator="recipe")
+        self.raises(ValueError, "no PMF|PMF", e, "black-scholes-gamma", estimator="recipe")
         self.raises(ValueError, "^estimator = 'recipe'", debias.samples, "A10", 3, estimator="recipe")
         self.raises(ValueError, "^pmf = 'zeta:s=2' .a recipe chooses it", e, "A10", estimator="recipe", pmf="zeta:s=2")
         without_rates = debias.levels(powers(square), dimension=lambda k: 2**k)
