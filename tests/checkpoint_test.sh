@@ -178,8 +178,8 @@ check "multilevel goes on" same "$(bare m.resumed)" "$(bare m.whole)"
 check "its levels are not merged" refused_by 5 "multilevel" merge m m
 check "and do not grow" refused_by 2 "only a run" resume m --error 0.001
 check "nor have they shards" refused_by 2 "multilevel decides" run E02 --estimator multilevel --error 1 --shard 1/2 --checkpoint p
-interrupted_twin w tradeoff A10 --samples 4e5 --points 5
-check "tradeoff goes on" same "$(bare w.resumed)" "$(bare w.whole)"
+interrupted_twin sweep tradeoff A10 --samples 4e5 --points 5
+check "tradeoff goes on" same "$(bare sweep.resumed)" "$(bare sweep.whole)"
 interrupted_twin c render transmittance --size 64x64 --spp 400 -o c.pfm
 check "an image of a cloud goes on" cmp c.pfm c.whole.pfm
 interrupted_twin l render photons --size 64x64 --photons 1e6 -o l.pfm
