@@ -49,7 +49,7 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
     work_of_[level] = runs_.work(level, plan_);
     return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   };
-  double seconds = timed();
+  const double seconds = timed();
   const auto is_explained = [&] {
     if (plan_.ranks.size() > 1 || seconds < enough_time) return true;
     for (const auto& [k, before] : seconds_of_) {
@@ -59,10 +59,10 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
     }
     return true;
   };
-  constexpr int repeats = 2;  // something that is done once only is none of the work
-  for (int i = 0; i < repeats && !is_explained(); ++i) seconds = std::min(seconds, timed());
   seconds_of_[level] = seconds;
-  if (!is_explained()) refuse_time(level, seconds / static_cast<double>(2 * detail::draws_for_work));
+  // What is done once only is none of the work: two levels in a row have to show it.
+  unexplained_levels_ = is_explained() ? 0 : unexplained_levels_ + 1;
+  if (unexplained_levels_ >= 2) refuse_time(level, seconds / static_cast<double>(2 * detail::draws_for_work));
   return work_of_[level];
 }
 

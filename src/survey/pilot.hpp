@@ -40,6 +40,7 @@ class Pilot {
   std::map<std::int64_t, Statistics> drawn_;
   std::map<std::int64_t, std::pair<double, double>> work_of_;
   std::map<std::int64_t, double> seconds_of_;  // of the processor, that finding this out took
+  int unexplained_levels_ = 0;                 ///< the last ones, in a row
   double work_ = 0;
   std::int64_t end_ = -1;  // the first level that the sequence refuses; -1: none known
 };
