@@ -36,16 +36,17 @@ constexpr double fewest_blocks = 512;
 constexpr double fewest_together = 512;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
 constexpr double most_members = 0x1p61;
-constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
-constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
-constexpr double narrow = 0.05;           // of the work's exponent, for the PMF with finite work where none has both
-constexpr double price_of_fourth = 1.02;  // that a PMF with a finite fourth moment may cost
-constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its PMF can draw them, too
-constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
-constexpr double negligible = 1e-22;      // of a squared difference beside the squared value: no deeper base
-constexpr double most_cancelled = 0.01;   // that a variance of base and difference is trusted to leave of theirs
-constexpr double enough_draws = 16;       // of a level that was measured, in a run that can pay for them
-constexpr double cheap = 0.002;           // of the work of a run, for those draws
+constexpr double most_affordable = 0x1p46;  // of a goal
+constexpr double shared_share = 1.0 / 8;    // of the draws of a level, to compare bases
+constexpr std::size_t levels_beyond = 4;    // of the survey that the table of a PMF holds
+constexpr double narrow = 0.05;             // of the work's exponent, for the PMF with finite work where none has both
+constexpr double price_of_fourth = 1.02;    // that a PMF with a finite fourth moment may cost
+constexpr double spare_members = 4;         // that a goal may take beside the expected ones: its PMF can draw them, too
+constexpr double steepest = 0.9;            // of the way from the best exponent to that of an infinite variance
+constexpr double negligible = 1e-22;        // of a squared difference beside the squared value: no deeper base
+constexpr double most_cancelled = 0.01;     // that a variance of base and difference is trusted to leave of theirs
+constexpr double enough_draws = 16;         // of a level that was measured, in a run that can pay for them
+constexpr double cheap = 0.002;             // of the work of a run, for those draws
 
 double rounded(double x, int digits) {
   std::array<char, 32> out{};
@@ -328,6 +329,20 @@ void set_members(Advice& advice, double members) {
   advice.members = static_cast<std::int64_t>(std::min(blocks, most_members / largest_block)) * advice.block;
 }
 
+// A goal that nobody will pay for.
+void refuse_cost(const Advice& advice, double members) {
+  double seconds = 0;
+  double work = 0;
+  for (const SurveyRow& r : advice.survey.rows) {
+    seconds += r.seconds * static_cast<double>(r.draws);
+    work += std::max(r.difference_work, r.value_work) * static_cast<double>(r.draws);
+  }
+  throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
+                              format("%.2g", members * advice.predicted.work) + ", about " +
+                              format("%.2g", members * advice.predicted.work * seconds / work) +
+                              " seconds); ask for a larger error");
+}
+
 double wanted_members(const Advice& advice, const Plan& plan) {
   const Goal& goal = plan.goal;
   if (!goal.asked()) return static_cast<double>(plan.samples);
@@ -343,19 +358,8 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
   const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
-  constexpr double most_members = 0x1p46;
-  if (members > most_members) {
-    double seconds = 0;
-    double work = 0;
-    for (const SurveyRow& r : advice.survey.rows) {
-      seconds += r.seconds * static_cast<double>(r.draws);
-      work += std::max(r.difference_work, r.value_work) * static_cast<double>(r.draws);
-    }
-    throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
-                                format("%.2g", members * advice.predicted.work) + ", about " +
-                                format("%.2g", members * advice.predicted.work * seconds / work) +
-                                " seconds); ask for a larger error");
-  }
+  // What is open may ask for less when the pilot has seen more.
+  if (members > most_affordable && advice.survey.pmf_exists == Answer::yes) refuse_cost(advice, members);
   return members;
 }
 
@@ -598,9 +602,8 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   }
   advice.pilot_work = pilot.work() + extra;  // what was drawn for the choice, too
   advice.pilot_seconds = seconds_so_far();
-  if (advice.usable() && static_cast<double>(advice.members) >= most_members) {
-    throw std::invalid_argument("recipe: the goal takes " + format("%.3g", wanted_members(advice, plan)) +
-                                " members (does not fit 64 bits); ask for a larger error");
+  if (advice.usable() && plan.goal.asked() && static_cast<double>(advice.members) > most_affordable) {
+    refuse_cost(advice, wanted_members(advice, plan));
   }
   for (const Warning& remark : advice.survey.remarks) {
     if (!is_note(remark.code)) advice.warnings.push_back(remark);

@@ -121,11 +121,11 @@ struct detail::Codec {
       add(a.levels.base_);
       for (const LevelSums& s : a.levels.rows_) add(s);
       for (const auto& rows : a.coupling.rows_) {
-        std::int64_t values = 0;  // of levels, each of them counted there, and of bases
+        std::int64_t drawn = 0;  // of levels, each of them counted there, and of bases
         for (const CouplingRow& row : rows) {
-          demand(row.value.count <= (std::int64_t{1} << 62) - values && row.coarse.count <= row.value.count &&
+          demand(row.value.count <= (std::int64_t{1} << 62) - drawn && row.coarse.count <= row.value.count &&
                  (row.difference.count == row.coarse.count || row.difference.count == 0));
-          values += row.value.count;
+          drawn += row.value.count;
         }
       }
     }
