@@ -80,8 +80,13 @@ class Choice {
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
-    const std::int64_t lowest =
-        options_.base_level.value_or(std::max(options_.lowest_base, survey_.evidence.lowest_base));
+    // Levels that look as if they had no second moment are the base of nothing, unless there are no others.
+    std::int64_t deepest_pair = -1;
+    for (const SurveyRow& r : survey_.rows) {
+      if (survey_.row_at(r.level + 1) != nullptr) deepest_pair = r.level;
+    }
+    const std::int64_t with_moments = std::min(survey_.evidence.lowest_base, deepest_pair);
+    const std::int64_t lowest = options_.base_level.value_or(std::max(options_.lowest_base, with_moments));
     const std::int64_t highest =
         std::max(lowest, options_.base_level.value_or(survey_.rows[survey_.rows.size() - 2].level));
     const auto first = std::find_if(survey_.rows.begin(), survey_.rows.end(), [&](const SurveyRow& r) {

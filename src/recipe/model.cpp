@@ -29,8 +29,7 @@ std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
   a[0] = s.rows.front().variance + s.rows.front().mean * s.rows.front().mean;
   double floor = 1e-30;
   for (std::size_t k = 1; k < levels; ++k) {
-    const double up = std::min(all[k].error, 0.35 * all[k].error * all[k].error);
-    a[k] = std::exp2(std::clamp(all[k].log2_second + up, -1020.0, 1000.0));
+    a[k] = std::exp2(std::clamp(upper(e, all[k]), -1020.0, 600.0));
     // Zeros get a floor, and so a mass; a trend does without: a steep one would find more in the floor than in itself.
     const bool has_trend = !e.courses.empty() && static_cast<std::int64_t>(k) >= e.first_usable;
     constexpr double least = std::numeric_limits<double>::min();

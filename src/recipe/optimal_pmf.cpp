@@ -68,7 +68,9 @@ double square_at(const TermMoments& m, std::size_t k, double p) {
 double square_of_best(const TermMoments& m, std::size_t k, double p) {
   const double a = square_at(m, k, p);
   if (m.block <= 1) return a;
-  return a * (1 + std::log2(square_at(m, k, p / half_octave) / square_at(m, k, p * half_octave)));
+  const double after = square_at(m, k, p * half_octave);
+  if (!(after > 1e-290)) return a;  // digits are lost there
+  return a * (1 + std::log2(square_at(m, k, p / half_octave) / after));
 }
 
 // The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).

@@ -31,6 +31,7 @@ constexpr double shown_p = 0.005;  // of a wrong answer
 constexpr double likely_p = 0.1;
 constexpr double most_unseen = 0.5;       // of S, where the answer is yes
 constexpr double hits_promised = 14;      // P(none) = 1e-6
+constexpr int declared_levels = 2;        // known ones that rates are worth, where the levels do not contradict them
 constexpr double known_error = 0.5;       // octaves
 constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
 constexpr std::int64_t many_levels = 32;  // that a power has held over, five octaves
@@ -199,8 +200,12 @@ class Scales {
     for (const std::size_t i : usable_) {
       seen.push_back({static_cast<double>(fact(i).level), voice(i).log2_second, voice(i).error});
     }
-    if (seen.size() < 3) return;
+    const bool declared = sequence_.declared && std::isfinite(sequence_.declared->variance_decay);
+    if (seen.size() < (declared ? 1 : 3)) return;
     e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction);
+    if (seen.size() < 3 && e_.contradiction) e_.courses.clear();
+    if (e_.courses.empty()) return;
+    if (declared && !e_.contradiction) e_.known_by_rates = declared_levels;
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
     polynomial_share_ = weight / static_cast<double>(e_.courses.size());
@@ -455,14 +460,14 @@ class Scales {
         e_.grade = Grade::likely;
         e_.reasons.push_back({WarningCode::no_second_moment, "some levels may have no second moment"});
       }
-    } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known >= 3) {
+    } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known + e_.known_by_rates >= 3) {
       e_.answer = Answer::yes;
       e_.grade = Grade::likely;
     } else if (may_say_no && 1 - p <= shown_p && e_.known >= 5) {
       e_.answer = Answer::no;
       const bool grows = e_.decay.value + 2.6 * e_.decay.error < 0;
       e_.grade = (e_.exponential_work || grows) && !e_.missing_moments ? Grade::shown : Grade::likely;
-    } else if (may_say_no && (1 - p <= likely_p || e_.unseen.low >= 0.9) && e_.known >= 4) {
+    } else if (may_say_no && (1 - p <= likely_p || e_.unseen.low >= 0.9) && e_.known + e_.known_by_rates >= 4) {
       e_.answer = Answer::no;
       e_.grade = Grade::likely;
     } else if (e_.changes) {
@@ -546,6 +551,16 @@ double log2_work(const Evidence& e, std::int64_t level) {
   return from + e.work.value * (e.exponential_work ? k - k0 : std::log2((k + 1) / (k0 + 1)));
 }
 
+double upper(const Evidence& e, const Believed& level) {
+  constexpr double most_above = 2;
+  double largest = level.log2_second;
+  for (const LevelVoice& v : e.voices) {
+    if (is_finite(v) && !is_zero(v)) largest = std::max(largest, v.log2_second);
+  }
+  const double up = std::min(level.error, 0.35 * level.error * level.error);
+  return std::min(level.log2_second + up, largest + most_above);
+}
+
 std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
   const auto size = static_cast<std::size_t>(last) + 1;
   std::vector<Believed> b(size);
@@ -600,9 +615,11 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     if (e.facts[i].is_base || v.level > last || !is_finite(v) || is_zero(v)) continue;
     if (v.usable() && !e.courses.empty()) continue;  // measured
     Believed& here = at(v.level);
-    if (!(here.log2_second < v.log2_second)) continue;
-    if (v.log2_second - here.log2_second <= 2 * here.error) {  // as the course has it
-      here.log2_second = v.log2_second;
+    if (v.log2_second - here.log2_second <= 2 * here.error) {  // as the course has it: both speak
+      const double own = 2 * statistics::octaves / std::sqrt(std::max(v.hits, 0.25));
+      const double weight = std::pow(here.error, 2) / (std::pow(here.error, 2) + own * own);
+      const double together = here.log2_second + weight * (v.log2_second - here.log2_second);
+      here = {std::max(together, v.log2_second), own * std::sqrt(weight)};
     } else {
       here = {v.log2_second, statistics::octaves / std::sqrt(std::max(v.raw_hits, 0.5))};
     }

@@ -78,10 +78,13 @@ const LevelVoice* voice_at(const Evidence& e, std::int64_t level) {
 }
 
 // The contributions fall over the last third of the usable levels: nothing infinite to be seen.
-bool do_not_fall(const std::vector<double>& contributions) {
-  if (contributions.size() < 3) return false;
-  if (contributions.size() == 3) {  // every step up
-    return contributions[1] > contributions[0] + 0.3 && contributions[2] > contributions[1] + 0.3;
+bool do_not_fall(const std::vector<double>& contributions, int by_rates) {
+  if (std::ssize(contributions) + by_rates < 3) return false;
+  if (contributions.size() <= 3) {  // every step up
+    for (std::size_t i = 1; i < contributions.size(); ++i) {
+      if (!(contributions[i] > contributions[i - 1] + 0.3)) return false;
+    }
+    return true;
   }
   const std::size_t third = std::max<std::size_t>(1, contributions.size() / 3);
   const auto mean = [&](std::size_t first, std::size_t last) {
@@ -202,7 +205,8 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
     v.grade = e.missing_moments ? Grade::likely : Grade::shown;
     return v;
   }
-  if (v.diverges <= likely_p && e.known >= 3) {
+  const int known = e.known + e.known_by_rates;
+  if (v.diverges <= likely_p && known >= 3) {
     v.value = Value::finite;
     v.grade = Grade::likely;
     return v;
@@ -212,7 +216,8 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   const bool established = e.decay.value > 4 * e.decay.error || e.decay.value + 2.6 * e.decay.error < 0;
   const bool slow = !e.exponential_work && e.polynomial && !established;
   const bool drops = n >= 3 && sum.contributions[n - 1] < sum.contributions[n - 3] - 1;
-  if (e.changes || e.missing_moments || slow || drops || !do_not_fall(sum.contributions) || e.known < 3) return v;
+  if (e.changes || e.missing_moments || slow || drops || !do_not_fall(sum.contributions, e.known_by_rates) || known < 3)
+    return v;
   if (v.diverges >= 1 - shown_p) {
     v.value = Value::infinite;
     v.grade = e.known >= 6 && (e.exponential_work || !e.polynomial) ? Grade::shown : Grade::likely;
@@ -301,6 +306,53 @@ double sum_of_means(const Evidence& e, const Masses& masses) {
 
 }  // namespace
 
+namespace {
+
+// What levels beyond all that were drawn may add, each way in which the levels may go on by itself: what is unlikely of one
+// level is not likely of all of them.
+class Beyond {
+ public:
+  explicit Beyond(const Evidence& e) : e_(e), variance_(e.courses.size()), left_out_(e.courses.size()) {
+    for (const LevelFacts& f : e.facts) {
+      if (f.draws > 0) last_ = std::max(last_, f.level);
+    }
+  }
+  [[nodiscard]] bool holds(std::int64_t level) const { return !e_.courses.empty() && level > last_; }
+  // A level that is drawn: its variance.
+  template <class Part>
+  void add_drawn(std::int64_t level, const Part& part) {
+    for (std::size_t i = 0; i < variance_.size(); ++i) variance_[i] += part(second_moment(i, level));
+  }
+  // A level that is not: what is missing is its mean.
+  template <class Part>
+  void add_left_out(std::int64_t level, const Part& part) {
+    for (std::size_t i = 0; i < left_out_.size(); ++i) left_out_[i] += part(second_moment(i, level));
+  }
+  // In the middle of all; what is left out is at most `most`.
+  [[nodiscard]] double variance(double most) const {
+    if (variance_.empty()) return 0;
+    std::vector<double> all;
+    for (std::size_t i = 0; i < variance_.size(); ++i) {
+      const double left_out = std::min(left_out_[i], most);
+      all.push_back(variance_[i] + left_out * left_out);
+    }
+    const auto middle = all.begin() + std::ssize(all) / 2;
+    std::nth_element(all.begin(), middle, all.end());
+    return *middle;
+  }
+
+ private:
+  [[nodiscard]] double second_moment(std::size_t i, std::int64_t level) const {
+    return std::exp2(std::clamp(statistics::course_at(e_.courses[i], e_.last_usable, level), -1000.0, 900.0));
+  }
+  const Evidence& e_;
+  std::int64_t last_ = -1;
+  std::vector<double> variance_;
+  std::vector<double> left_out_;
+};
+
+}  // namespace
+
 Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   Doubt d;
   const Logarithms p(masses);
@@ -341,6 +393,13 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   for (const LevelVoice& v : e.voices) {
     if (std::isfinite(v.log2_second)) largest_mean = std::max(largest_mean, v.log2_second - v.log2_rarity);
   }
+  Beyond beyond(e);
+  double sum_of_seen = 0;  // the sequence converges: what follows is no more than what the known levels have added
+  for (std::size_t i = 0; i < e.voices.size(); ++i) {
+    const bool is_known = e.voices[i].usable() && !e.facts[i].is_base && e.voices[i].level >= p.first();
+    if (is_known)
+      sum_of_seen += std::exp2(std::clamp(e.voices[i].log2_second - e.voices[i].log2_rarity, -1000.0, 900.0) / 2);
+  }
   double left_out = 0;
   double replaced = 0;  // the means beside what stands for them
   double left_out_doubt = 0;
@@ -363,26 +422,36 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     d.levels.push_back(k);
     const Believed& b = all[static_cast<std::size_t>(k)];
     if (!std::isfinite(b.log2_second)) continue;
-    // The mean of the posterior, at most one standard deviation up.
-    const double up = std::min(b.error, 0.35 * b.error * b.error);
     const double doubt = std::min(std::exp2(2 * b.error) - 1, most_doubt);
     if (draws_expected < 1 && k > e.last_difference) {
       if (k > e.last_difference + most_left_out) break;
-      const double most = std::min(b.log2_second + up - rarity.at(k), largest_mean);
+      const double most = std::min(upper(e, b) - rarity.at(k), largest_mean);
       const double mean = std::exp2(std::clamp(most, -1000.0, 900.0) / 2);
       // What the other samples say for it: mu p.
       const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
       const bool certain = mu != 0;
+      if (!certain && beyond.holds(k)) {
+        const double most_mean = std::exp2(std::clamp(largest_mean, -1000.0, 900.0) / 2);
+        const double rare = std::exp2(-rarity.at(k) / 2);
+        beyond.add_left_out(k,
+                            [&](double second_moment) { return std::min(std::sqrt(second_moment) * rare, most_mean); });
+        continue;
+      }
       if (certain) replaced += expected - mu * std::exp2(p.at(k));
       left_out += certain ? std::sqrt(std::max(0.0, mean * mean - expected * expected)) : mean;
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
     }
-    const double second = std::exp2(std::clamp(b.log2_second + up, -1000.0, 900.0));
+    const double second = std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
     const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+    if (mu == 0 && beyond.holds(k)) {
+      beyond.add_drawn(k, [&](double second_moment) { return second_moment / mass / members; });
+      continue;
+    }
     add(d.unseen, part_in_variance(second, expected, mass, mu) / members, doubt);
   }
+  if (const double variance = beyond.variance(sum_of_seen); variance > 0) add(d.unseen, variance, most_doubt);
   left_out += std::abs(replaced);
   if (left_out > 0) add(d.unseen, left_out * left_out, left_out_doubt);
   const double variance = d.seen + d.undrawn + d.unseen;

@@ -164,6 +164,10 @@ Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan
     fixed = detail::plan_for_goal(fixed, pieces, body, check, bias);
     pilot = false;
   }
+  // A pilot has been told more, by its caller.
+  if constexpr (StatesFacts<E>) {
+    if (fixed.pilot.levels.empty()) fixed.pilot.sequence = estimator.facts();
+  }
   detail::check_on_all(fixed, check);
   begin(fixed);
   Statistics statistics = detail::run(fixed, detail::identity_of(estimator), pieces, body);
@@ -247,7 +251,7 @@ struct Trace {
 
 /// Sample `index` of `seed`, the very one that a run contains, with all levels that it touched.
 template <Estimator E>
-Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
+[[gnu::cold]] Trace<estimate_value_t<E>> trace(const E& estimator, std::uint64_t seed, std::int64_t index) {
   struct TraceRecord {
     std::vector<TracedLevel> levels;
     std::int64_t first = 0;  // of the members that record now, one after the other

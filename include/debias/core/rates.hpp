@@ -13,7 +13,9 @@
 // statement on the fourth moment, not the one on the variance.
 // Source: Rhee & Glynn, Oper. Res. 63 (2015), section 3; fourth moment derived here.
 
+#include <cstdint>
 #include <limits>
+#include <optional>
 
 namespace debias {
 
@@ -28,6 +30,13 @@ struct Rates {
   Decay decay = Decay::geometric;
 
   static constexpr double faster_than_any = std::numeric_limits<double>::infinity();
+};
+
+/// What a sequence states of itself.
+struct SequenceFacts {
+  std::optional<Rates> declared{};
+  std::optional<std::int64_t> exact_from{};  ///< D_k = 0 for k > exact_from
+  bool constant_limit = false;               ///< I_k tends to one number, not to a random one
 };
 
 /// What a measurement of level moments can say of their decay: a power of 2 or of the level, differences that are

@@ -225,6 +225,16 @@ concept StatesLimit = requires(const S& s) {
   { s.limit } -> std::convertible_to<Limit>;
 };
 
+/// What a sequence of either kind states of itself.
+template <class S>
+SequenceFacts facts_of(const S& sequence) {
+  SequenceFacts facts;
+  if constexpr (DeclaresRates<S>) facts.declared = sequence.rates;
+  if constexpr (StatesExactFrom<S>) facts.exact_from = sequence.exact_from;
+  if constexpr (StatesLimit<S>) facts.constant_limit = sequence.limit == Limit::constant;
+  return facts;
+}
+
 /// Adapts a TermSequence to levels: I_k is the sum of the terms 0 ... k of one path, D_k its term k. Reaching
 /// term k means walking there, so a level costs all its terms.
 template <TermSequence S>

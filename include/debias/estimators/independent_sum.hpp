@@ -69,6 +69,7 @@ class IndependentSum {
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
+  [[nodiscard]] SequenceFacts facts() const { return debias::facts_of(sequence_); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
     return detail::reach_of(sequence_, pmf_, base_level_, base_level_);
   }

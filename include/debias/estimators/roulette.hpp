@@ -95,6 +95,7 @@ class Roulette {
 
   /// What the term of a level is divided by.
   [[nodiscard]] double probability(std::int64_t level) const { return pmf_.tail(level - base_level_); }
+  [[nodiscard]] SequenceFacts facts() const { return debias::facts_of(terms_); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
     return detail::reach_of(terms_, pmf_, base_level_, base_level_);
   }

@@ -115,6 +115,7 @@ class SingleTerm {
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
+  [[nodiscard]] SequenceFacts facts() const { return debias::facts_of(sequence_); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
     return detail::reach_of(sequence_, pmf_, options_.base_level, first_level());
   }

@@ -114,6 +114,7 @@ class Stratified {
   [[nodiscard]] const E& estimator() const { return estimator_; }
   [[nodiscard]] std::int64_t block() const { return block_; }
   [[nodiscard]] const std::string& name() const requires HasName<E> { return estimator_.name(); }
+  [[nodiscard]] SequenceFacts facts() const requires StatesFacts<E> { return estimator_.facts(); }
   /// Samples of a chunk: about 1024, in whole blocks.
   [[nodiscard]] std::int64_t chunk() const { return detail::chunk_of_blocks(block_); }
   /// Strata change nothing of how likely a member reaches a level.

@@ -9,7 +9,8 @@
 //              neighbours' kappa leaves it: one that missed its tail inherits their rarity. With 8 hits it is usable.
 //   posterior  b is a local linear trend over k, and over log2(k + 1), seen with error (Kalman filter, a grid of
 //              tau, omega, q); the slope in the limit is free by 1 / K more, K = usable levels
-//   declared   rates are a prior on that slope, dropped where the levels contradict them
+//   declared   rates are a prior on that slope, and stand for two levels, but never show anything; dropped where the levels
+//              contradict them
 //   zeros      count where the trend of the non-zero share promised 14 hits; an end is shown, likely, or open
 //   answer     yes: P(S diverges) and U are small; no: both are large and no veto holds; else open
 //   PMF        finite iff sum_k E D_k^2 / p_k converges, by the same posterior
@@ -62,13 +63,6 @@ struct LevelFacts {
 
 /// The facts of both, level by level, in order: of a pilot and of a run. Their tail index is that of the more draws.
 std::vector<LevelFacts> together(std::span<const LevelFacts> a, std::span<const LevelFacts> b);
-
-/// What a sequence states of itself.
-struct SequenceFacts {
-  std::optional<Rates> declared{};
-  std::optional<std::int64_t> exact_from{};  ///< D_k = 0 for k > exact_from
-  bool constant_limit = false;               ///< I_k tends to one number, not to a random one
-};
 
 /// The second moment of a level, by its largest values: finite; not cleared of being infinite; infinite.
 enum class LevelTail { light, unclear, heavy };
@@ -137,6 +131,7 @@ struct Evidence {
   std::int64_t first_usable = -1;
   std::int64_t last_usable = -1;
   int known = 0;                 ///< usable levels with an error of at most half an octave
+  int known_by_rates = 0;        ///< levels that declared rates are worth, for what is likely
   std::int64_t lowest_base = 0;  ///< below it levels have no second moment
   bool missing_moments = false;  ///< in some level, and not only in the first ones
   bool polynomial = false;       ///< the decay, more likely than not
@@ -154,6 +149,10 @@ Evidence weigh(std::vector<LevelFacts> facts, const SequenceFacts& sequence = {}
 /// Second moments of the levels 0 ... last: measured, between measured ones, and beyond them. Levels of zeros get the
 /// rule of three: with 95 % confidence a difference as large as before is no more frequent than 3 / n.
 std::vector<Believed> believed(const Evidence& evidence, std::int64_t last);
+
+/// log2 of the mean of E D_k^2 by the posterior, at most one standard deviation up; beyond the largest level that was seen no
+/// doubt adds more than two octaves.
+double upper(const Evidence& evidence, const Believed& level);
 
 /// log2 of the work of a draw, measured or continued.
 double log2_work(const Evidence& evidence, std::int64_t level);

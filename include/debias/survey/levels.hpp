@@ -239,9 +239,7 @@ LevelRuns level_runs(const S& sequence) {
     return debias::estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
-  if constexpr (DeclaresRates<S>) runs.facts.declared = sequence.rates;
-  if constexpr (StatesExactFrom<S>) runs.facts.exact_from = sequence.exact_from;
-  if constexpr (StatesLimit<S>) runs.facts.constant_limit = sequence.limit == Limit::constant;
+  runs.facts = facts_of(sequence);
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return detail::shared_moments(debias::estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
