@@ -13,6 +13,7 @@
 
 #include "core/text.hpp"
 #include "core/words.hpp"
+#include "survey/pilot.hpp"
 
 namespace debias {
 namespace {
@@ -153,20 +154,6 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   return result;
 }
 
-namespace {
-
-bool is_length_error(const std::exception& e) {
-  try {
-    std::rethrow_if_nested(e);
-  } catch (const std::length_error&) {
-    return true;
-  } catch (...) {
-  }
-  return false;
-}
-
-}  // namespace
-
 Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
   const double fewest_draws = std::max(2.0, fewest_share * static_cast<double>(plan.samples));
   // How deep: while the levels so far leave the next one its fewest draws.
@@ -197,7 +184,7 @@ Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
     try {
       rows.push_back(survey_level(runs, static_cast<std::int64_t>(k), part));
     } catch (const SampleError& e) {
-      if (rows.size() < 2 || !is_length_error(e)) throw;
+      if (rows.size() < 2 || !refuses_level(e)) throw;
       break;
     }
   }

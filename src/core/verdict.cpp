@@ -10,6 +10,7 @@
 
 #include "core/text.hpp"
 #include "core/words.hpp"
+#include "statistics/posterior.hpp"
 
 namespace debias {
 namespace {
@@ -48,13 +49,12 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
     if (row.is_base) f.value_variance = std::max(0.0, row.second_moment - row.mean * row.mean);
     facts.push_back(f);
   }
-  // What is left of a difference beside the size of the others is rounding.
-  constexpr double epsilon = std::numeric_limits<double>::epsilon();
+  // What a run knows of the values: they are as large as the largest of its parts.
   double size = 0;
   for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
   for (LevelFacts& f : facts) {
-    if (!f.is_base && f.second_moment <= 64 * epsilon * epsilon * size) f.second_moment = f.kurtosis = 0;
     f.value_square = size;
+    statistics::drop_rounding(f);
   }
   return facts;
 }

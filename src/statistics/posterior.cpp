@@ -73,6 +73,13 @@ class RarityLine {
 
 }  // namespace
 
+void drop_rounding(LevelFacts& f) {
+  constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+  if (f.is_base || !(f.second_moment <= rounding * rounding * f.value_square)) return;
+  f.mean = f.second_moment = f.kurtosis = 0;
+  if (!std::isnan(f.nonzero)) f.nonzero = 0;
+}
+
 std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
   std::vector<LevelVoice> voices;
   for (const LevelFacts& f : facts) {

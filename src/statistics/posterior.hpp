@@ -22,6 +22,9 @@ namespace debias::statistics {
 constexpr double few = 8;                       // effective hits below which a level says nothing
 constexpr double octaves = 1.4426950408889634;  // 1 / ln 2
 
+/// Makes zeros of a difference that is no more than the rounding of the values beside it.
+void drop_rounding(LevelFacts& facts);
+
 /// R1.
 std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts);
 

@@ -25,7 +25,11 @@ constexpr double least_time = 2e-5;   // seconds of the processor that a clock c
 constexpr double enough_time = 5e-4;  // to speak of a level
 constexpr std::int64_t rising = 3;    // levels over which the time has grown
 
-bool is_length_error(const std::exception& e) {
+double of_both(const std::pair<double, double>& work) { return std::max(work.first, work.second); }
+
+}  // namespace
+
+bool refuses_level(const std::exception& e) {
   try {
     std::rethrow_if_nested(e);
   } catch (const std::length_error&) {
@@ -34,10 +38,6 @@ bool is_length_error(const std::exception& e) {
   }
   return false;
 }
-
-double of_both(const std::pair<double, double>& work) { return std::max(work.first, work.second); }
-
-}  // namespace
 
 std::pair<double, double> Pilot::work_of(std::int64_t level) {
   const auto known = work_of_.find(level);
@@ -109,7 +109,7 @@ void Pilot::grow(double work, std::int64_t deepest) {
     try {
       draw(levels[i], draws);
     } catch (const SampleError& e) {
-      if (drawn_.size() < 2 || !is_length_error(e)) throw;
+      if (drawn_.size() < 2 || !refuses_level(e)) throw;
       end_ = levels[i];
       break;
     }

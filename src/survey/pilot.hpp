@@ -10,12 +10,16 @@
 // (std::length_error).
 
 #include <cstdint>
+#include <exception>
 #include <map>
 #include <utility>
 
 #include <debias/survey.hpp>
 
 namespace debias {
+
+/// Whether an error of a draw says that its level is too deep for the sequence: a std::length_error is behind it.
+bool refuses_level(const std::exception& error);
 
 class Pilot {
  public:

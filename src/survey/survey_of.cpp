@@ -16,6 +16,7 @@
 #include "core/regression.hpp"
 #include "core/text.hpp"
 #include "core/words.hpp"
+#include "statistics/posterior.hpp"
 
 namespace debias {
 namespace {
@@ -138,11 +139,7 @@ class Conclusion {
       f.value_square = square;
       f.tail_index = row.tail_index;
       f.tail_error = row.tail_error;
-      // What rounding leaves of a difference is none.
-      constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
-      if (!f.is_base && f.second_moment <= rounding * rounding * square) {
-        f.mean = f.second_moment = f.kurtosis = f.nonzero = 0;
-      }
+      statistics::drop_rounding(f);
       facts.push_back(f);
     }
     return facts;
