@@ -9,6 +9,29 @@
 
 #include "core/text.hpp"
 
+namespace debias {
+
+PilotRun::PilotRun() = default;
+PilotRun::PilotRun(double pilot_work, double pilot_seconds, std::vector<LevelFacts> seen, const SequenceFacts& stated)
+    : work(pilot_work), seconds(pilot_seconds), levels(std::move(seen)), sequence(stated) {}
+PilotRun::PilotRun(const PilotRun& other) = default;
+PilotRun::PilotRun(PilotRun&& other) noexcept = default;
+PilotRun& PilotRun::operator=(const PilotRun& other) = default;
+PilotRun& PilotRun::operator=(PilotRun&& other) noexcept = default;
+PilotRun::~PilotRun() = default;
+
+PilotRun& PilotRun::operator+=(const PilotRun& other) {
+  work += other.work;
+  seconds += other.seconds;
+  if (levels.empty()) {
+    levels = other.levels;
+    sequence = other.sequence;
+  }
+  return *this;
+}
+
+}  // namespace debias
+
 namespace debias::detail {
 
 void check_plan(const Plan& plan) {

@@ -226,10 +226,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     command = typed->command;
     delivery = typed->delivery;
     for (std::string* name : {&delivery.output, &delivery.checkpoint}) Tame::name(*name);
-    Words words = typed->words;
-    const auto seed = words.values.find("seed");
-    if (seed != words.values.end() && seed->second == "random") seed->second = "1";
-    Request request = read_request(command, words);
+    Words typed_words = typed->words;
+    const auto seed = typed_words.values.find("seed");
+    if (seed != typed_words.values.end() && seed->second == "random") seed->second = "1";
+    Request request = read_request(command, typed_words);
     std::visit(Tame(), request);
     std::uint32_t sum = 0;
     for (std::size_t i = 0; i < size; ++i) sum = 31 * sum + data[i];

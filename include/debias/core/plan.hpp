@@ -25,18 +25,19 @@ class RunState;
 struct PilotRun {
   double work = 0;
   double seconds = 0;
-  std::vector<LevelFacts> levels = {};
-  SequenceFacts sequence = {};  ///< what the sequence states of itself
+  std::vector<LevelFacts> levels;
+  SequenceFacts sequence;  ///< what the sequence states of itself
 
-  PilotRun& operator+=(const PilotRun& other) {
-    work += other.work;
-    seconds += other.seconds;
-    if (levels.empty()) {
-      levels = other.levels;
-      sequence = other.sequence;
-    }
-    return *this;
-  }
+  // In the library: inlined into a caller's temporary Plan, g++ 12 takes their vector for uninitialised.
+  PilotRun();
+  PilotRun(double work, double seconds, std::vector<LevelFacts> levels = {}, const SequenceFacts& sequence = {});
+  PilotRun(const PilotRun& other);
+  PilotRun(PilotRun&& other) noexcept;
+  PilotRun& operator=(const PilotRun& other);
+  PilotRun& operator=(PilotRun&& other) noexcept;
+  ~PilotRun();
+
+  PilotRun& operator+=(const PilotRun& other);
 };
 
 /// A wish that a pilot, on streams of its own, turns into a number of samples before the run starts: at most one of

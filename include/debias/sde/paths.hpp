@@ -42,7 +42,7 @@ bool is_finite_state(const State& x) {
 
 /// The payoff; NaN where the path has seen numbers that are none, which a comparison in the payoff would hide.
 template <class F, class Summary, class State>
-auto pay(const F& payoff, const Summary& summary, const State& end) {
+[[gnu::always_inline]] inline auto pay(const F& payoff, const Summary& summary, const State& end) {
   bool finite = is_finite_state(end);
   if constexpr (requires {
                   { summary.finite() } -> std::same_as<bool>;
