@@ -134,9 +134,10 @@ requires DeclaresRates<S> Problem make(Facts facts, const S& sequence) {
   }
 }
 
-/// A problem from a callable that declares no rates of its own.
+/// A problem from a callable that declares no rates of its own, or those of another g.
 template <BiasedSequence S>
-Problem make(Facts facts, const S& sequence, const Rates& rates) {
+Problem make(Facts facts, S sequence, const Rates& rates) {
+  if constexpr (DeclaresRates<S>) sequence.rates = rates;
   return detail::make(std::move(facts), sequence, detail::NoTerms{}, rates);
 }
 

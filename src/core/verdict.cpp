@@ -32,7 +32,6 @@ constexpr double irrelevant_share = -0.6;
 constexpr double tail_z = 1.5;
 constexpr double deep_index = 0.4;   // of the quarter of the tail, for `infinite`
 constexpr double fewest_hits = 100;  // values beside the commonest one, for `finite`
-constexpr std::int64_t fewest_for_shown = 1000;
 
 std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   std::vector<LevelFacts> facts;
@@ -189,21 +188,6 @@ struct TailsSay {
   double error = infinity;
 };
 
-// A power law has exponential log excesses, of CV^2 = 1; those of a lognormal are lighter. In standard errors.
-double lighter_than_power(std::span<const double> descending, std::size_t m, double center) {
-  if (m < 10 || descending.size() <= m || !(descending[m] > center)) return 0;
-  double mean = 0;
-  double square = 0;
-  const auto n = static_cast<double>(m);
-  for (std::size_t i = 0; i < m; ++i) {
-    const double excess = std::log((descending[i] - center) / (descending[m] - center));
-    mean += excess / n;
-    square += excess * excess / n;
-  }
-  const double variance = (square - mean * mean) * n / (n - 1);
-  return (1 - variance / (mean * mean)) / std::sqrt(8 / n);
-}
-
 // One side: `share` is that of its largest in the sum of squares, `hits` the values beside the commonest one.
 TailsSay one_side(std::span<const double> descending, const TailIndex& full, std::int64_t samples, double center,
                   double share, double hits) {
@@ -235,11 +219,8 @@ TailsSay one_side(std::span<const double> descending, const TailIndex& full, std
   }
   const bool deep = quarter.state != TailState::fitted || quarter.k > deep_index;
   if (low > half && deep) {
-    const std::size_t wide = std::min(descending.size() - 1, static_cast<std::size_t>(n / 10));
-    const double lighter = std::max(lighter_than_power(descending, std::min(size, descending.size() - 1), center),
-                                    lighter_than_power(descending, wide, center));
     t.variance = Finiteness::infinite;
-    t.grade = samples >= fewest_for_shown && lighter < tail_z ? Grade::shown : Grade::likely;
+    t.grade = Grade::likely;  // a lognormal looks the same
   } else if (hits < fewest_hits || (high > half && full.k > deep_index)) {
     t.variance = Finiteness::undecided;
     t.grade = Grade::open;

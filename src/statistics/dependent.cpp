@@ -13,7 +13,10 @@ Dependence dependence_of(std::span<const double> block_means, std::int64_t block
   constexpr double window = 6;
   constexpr double least_time = 0.05;
   const auto n = static_cast<double>(values.count);
-  Dependence d{1, n, values.standard_error(), n - 1};
+  Dependence d;
+  d.effective = n;
+  d.standard_error = values.standard_error();
+  d.degrees = n - 1;
   const std::size_t blocks = block_means.size();
   if (blocks < fewest_blocks || !(values.m2 > 0)) return d;
   double mean = 0;
@@ -26,12 +29,15 @@ Dependence dependence_of(std::span<const double> block_means, std::int64_t block
   const double variance = correlation(0);
   if (!(variance > 0)) return d;
   double tau = 1;
-  for (std::size_t k = 1; k < blocks / 2; ++k) {
+  std::size_t k = 1;
+  for (; k < blocks / 2; ++k) {
     tau += 2 * correlation(k) / variance;
     if (static_cast<double>(k) >= window * std::max(tau, 1.0)) break;
   }
   tau = std::max(tau, least_time);
   const auto count = static_cast<double>(blocks);
+  const bool is_long = tau > 1;  // what blocks have taken in needs no sum
+  if (is_long) d.time_error = std::sqrt(2 * (2 * static_cast<double>(k) + 1) / count);
   // As many values as the blocks hold; what is left over is like them.
   const double square = variance * count / (count - 1) * tau / count;
   const double held = count * static_cast<double>(block_length);

@@ -191,10 +191,12 @@ class Scales {
     }
     const bool declared = sequence_.declared && std::isfinite(sequence_.declared->variance_decay);
     if (seen.size() < (declared ? 1 : 3)) return;
-    e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction);
-    if (seen.size() < 3 && e_.contradiction) e_.courses.clear();
+    bool follows = false;
+    e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction, follows);
+    if (seen.size() < 3 && !follows) e_.courses.clear();
     if (e_.courses.empty()) return;
-    if (declared && !e_.contradiction) e_.known_by_rates = declared_levels;
+    if (follows) e_.known_by_rates = declared_levels;
+    if (declared && !follows && !e_.contradiction) e_.not_there = sequence_.declared;
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
     polynomial_share_ = weight / static_cast<double>(e_.courses.size());
@@ -363,24 +365,47 @@ class Scales {
       const double growth = slope_of(last(k, 5), last(absolute, 5));
       const bool grows =
           growth - slope_error_of(last(k, 5), last(absolute_errors, 5)) > (e_.exponential_work ? 0.25 : 0.025);
-      e_.changes = falls || grows || steepens(scatter);
+      grows_straight_ = grows && grows_straight(scatter);
+      e_.changes = falls || (grows && !grows_straight_) || steepens(scatter);
     }
   }
 
-  [[nodiscard]] bool steepens(double scatter) const {
-    const std::size_t n = std::min<std::size_t>(6, usable_.size());
-    if (n < 4) return false;
+  // The fall of the earlier and the later half of the last n usable levels.
+  struct Halves {
+    FittedRate early;
+    FittedRate late;
+    [[nodiscard]] double bend_error() const { return std::hypot(early.error, late.error); }
+  };
+  [[nodiscard]] Halves halves(std::size_t n, double scatter) const {
     const std::size_t a = usable_[usable_.size() - n];
     const std::size_t b = usable_[usable_.size() - n + n / 2];
     const std::size_t c = usable_.back();
     const auto fall = [&](std::size_t from, std::size_t to) {
       const auto steps = static_cast<double>(fact(to).level - fact(from).level);
-      return std::pair((voice(from).log2_second - voice(to).log2_second) / steps,
-                       std::hypot(voice(from).error, voice(to).error, scatter) / steps);
+      return FittedRate{(voice(from).log2_second - voice(to).log2_second) / steps,
+                        std::hypot(voice(from).error, voice(to).error, scatter) / steps};
     };
-    const auto [early, early_error] = fall(a, b);
-    const auto [late, late_error] = fall(b, c);
-    return late - early > (e_.exponential_work ? 0.3 : 0.015) && late - early > 2 * std::hypot(early_error, late_error);
+    return {fall(a, b), fall(b, c)};
+  }
+
+  [[nodiscard]] bool steepens(double scatter) const {
+    const std::size_t n = std::min<std::size_t>(6, usable_.size());
+    if (n < 4) return false;
+    const Halves h = halves(n, scatter);
+    const double bend = h.late.value - h.early.value;
+    return bend > (e_.exponential_work ? 0.3 : 0.015) && bend > 2 * h.bend_error();
+  }
+
+  // A hump bends. What has grown for six levels by as much each is a trend.
+  [[nodiscard]] bool grows_straight(double scatter) const {
+    constexpr std::size_t n = 6;
+    constexpr double least = 0.5;  // octaves a level
+    constexpr double most_bend = 0.2;
+    if (usable_.size() < n) return false;
+    const Halves h = halves(n, scatter);
+    const double bend = std::abs(h.late.value - h.early.value);
+    return h.early.value < -least && h.late.value < -least && bend < std::max(most_bend, 3 * h.bend_error()) &&
+           h.bend_error() < least;
   }
 
   // lambda: the roots of the series fall like 2^(-lambda k), or k^(-lambda - 1).
@@ -455,7 +480,8 @@ class Scales {
     } else if (may_say_no && 1 - p <= shown_p && e_.known >= 5) {
       e_.answer = Answer::no;
       const bool grows = e_.decay.value + 2.6 * e_.decay.error < 0;
-      e_.grade = (e_.exponential_work || grows) && !e_.missing_moments ? Grade::shown : Grade::likely;
+      const bool certain = (e_.exponential_work || grows) && !e_.missing_moments && !grows_straight_;
+      e_.grade = certain ? Grade::shown : Grade::likely;
     } else if (may_say_no && (1 - p <= likely_p || e_.unseen.low >= 0.9) && e_.known + e_.known_by_rates >= 4) {
       e_.answer = Answer::no;
       e_.grade = Grade::likely;
@@ -469,7 +495,8 @@ class Scales {
   const SequenceFacts& sequence_;
   bool budget_spent_;
   std::int64_t base_ = -1;
-  double polynomial_share_ = 0;      // of the courses
+  double polynomial_share_ = 0;  // of the courses
+  bool grows_straight_ = false;
   std::vector<std::size_t> all_;     // levels with differences
   std::vector<std::size_t> live_;    // of them, those that are not zero
   std::vector<std::size_t> usable_;  // of these

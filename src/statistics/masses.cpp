@@ -121,11 +121,10 @@ class Sum {
     }
     // Beside a PMF that falls ever faster the ratio is what has a trend.
     of_ratios_ = p.steep() && ratios.size() >= 3;
-    std::optional<Contradiction> none;
     if (of_ratios_) {
-      courses_ = statistics::courses_of(ratios, false, std::nullopt, none);
+      courses_ = statistics::courses_of(ratios, false);
     } else if (power != 1) {
-      courses_ = statistics::courses_of(own, !e.exponential_work, std::nullopt, none);
+      courses_ = statistics::courses_of(own, !e.exponential_work);
     }
   }
 
@@ -206,7 +205,10 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
     return v;
   }
   const int known = e.known + e.known_by_rates;
-  if (v.diverges <= likely_p && known >= 3) {
+  // Levels that fall faster than declared rates allow may only not be there yet.
+  const bool too_steep = e.not_there && (e.not_there->decay == Decay::polynomial) == p.power() &&
+                         e.not_there->variance_decay < (p.power() ? p.exponent() + 1 : p.fall());
+  if (v.diverges <= likely_p && known >= 3 && !too_steep) {
     v.value = Value::finite;
     v.grade = Grade::likely;
     return v;
@@ -221,6 +223,7 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   if (v.diverges >= 1 - shown_p) {
     v.value = Value::infinite;
     v.grade = e.known >= 6 && (e.exponential_work || !e.polynomial) ? Grade::shown : Grade::likely;
+    if (e.answer == Answer::no) v.grade = std::min(v.grade, e.grade);
   } else if (v.diverges >= 1 - likely_p && e.known >= 4 && e.answer != Answer::open) {
     v.value = Value::infinite;
     v.grade = Grade::likely;

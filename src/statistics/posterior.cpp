@@ -152,6 +152,8 @@ constexpr double declared_error = 0.15;
 constexpr double declared_drift = 0.3;  // of the drift that the limit is free by
 constexpr double contradiction_z = 3;
 constexpr double contradiction_slack = 0.1;
+constexpr double not_there_yet =
+    0.5;  // octaves that the last levels may be off declared rates which they are to support
 
 // The filtered state of one point of the grid.
 struct State {
@@ -219,8 +221,33 @@ const std::array<std::array<double, 2>, course_count>& normals() {
 
 }  // namespace
 
+namespace {
+
+// The fall over the last four levels, in the unit of the rates, by least squares. Of one level nothing is known.
+FittedRate shown_by(std::span<const Observation> seen, bool polynomial) {
+  const std::span<const Observation> last = seen.last(std::min<std::size_t>(seen.size(), 4));
+  const auto x = [&](const Observation& o) { return polynomial ? std::log2(o.level + 1) : o.level; };
+  double middle = 0;
+  for (const Observation& o : last) middle += x(o) / static_cast<double>(last.size());
+  double xx = 0;
+  double xy = 0;
+  double errors = 0;
+  for (const Observation& o : last) {
+    const double dx = x(o) - middle;
+    xx += dx * dx;
+    xy += dx * o.value;
+    errors += dx * dx * o.error * o.error;
+  }
+  if (!(xx > 0)) return {0, infinity};
+  return {-xy / xx, std::sqrt(errors) / xx};
+}
+
+}  // namespace
+
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
-                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction) {
+                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction,
+                               bool& follows) {
+  follows = false;
   std::vector<State> states;
   for (int polynomial = 0; polynomial <= (may_be_polynomial ? 1 : 0); ++polynomial) {
     for (const double tau : taus) {
@@ -278,7 +305,9 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
       if (std::abs(mean - declared->variance_decay) > contradiction_z * std::sqrt(spread) + contradiction_slack &&
           std::abs(mean - declared->variance_decay) > contradiction_z * error) {
         contradiction = Contradiction{declared->variance_decay, mean, error};
-      } else {
+      } else if (const FittedRate shown = shown_by(seen, polynomial);
+                 std::abs(shown.value - declared->variance_decay) < not_there_yet + contradiction_z * shown.error) {
+        follows = true;
         narrowing = declared_drift;
         const double own = 1 / spread;
         const double stated = 1 / (declared_error * declared_error);
@@ -302,6 +331,12 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
     c.limit = c.slope + c.limit_error * normal_quantile(v - std::floor(v) + 1e-12);
   }
   return courses;
+}
+
+std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial) {
+  std::optional<Contradiction> none;
+  bool follows = false;
+  return courses_of(seen, may_be_polynomial, std::nullopt, none, follows);
 }
 
 double scatter_of(std::span<const Course> courses) {

@@ -34,9 +34,13 @@ struct Observation {
   double error;
 };
 
-/// At least three observations in order of their levels. Contradicts declared rates, or follows them.
+/// Observations in order of their levels: at least three, or one and rates that they follow. Contradicts declared rates,
+/// follows them, or neither, where the levels are not there yet.
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
-                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction);
+                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction,
+                               bool& follows);
+/// Without rates.
+std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial);
 
 /// Of single levels about the trend, in octaves: the median.
 double scatter_of(std::span<const Course> courses);

@@ -22,8 +22,19 @@ constexpr double patience = 5;    // seconds for the draws of one level whose st
 constexpr double unexplained = 64;
 constexpr double unexplained_by_processor = 24;
 constexpr double least_time = 2e-5;   // seconds of the processor that a clock can tell
-constexpr double enough_time = 5e-4;  // to speak of a level
+constexpr double enough_time = 4e-3;  // to speak of a level
 constexpr std::int64_t rising = 3;    // levels over which the time has grown
+
+// Of the processor, for this thread: neither a busy machine nor other threads count as work.
+double processor_seconds() {
+#ifdef CLOCK_THREAD_CPUTIME_ID
+  timespec t{};
+  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t) == 0) {
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  }
+#endif
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+}
 
 double of_both(const std::pair<double, double>& work) { return std::max(work.first, work.second); }
 
@@ -43,13 +54,9 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
   const auto known = work_of_.find(level);
   if (known != work_of_.end()) return known->second;
   if (plan_.progress && !plan_.progress(0)) throw Interrupted("pilot: interrupted by the caller");
-  // Time of the processor: a busy machine does not count as work.
-  const auto timed = [&] {
-    const std::clock_t start = std::clock();
-    work_of_[level] = runs_.work(level, plan_);
-    return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
-  };
-  const double seconds = timed();
+  const double start = processor_seconds();
+  work_of_[level] = runs_.work(level, plan_);
+  const double seconds = processor_seconds() - start;
   const auto is_explained = [&] {
     if (plan_.ranks.size() > 1 || seconds < enough_time) return true;
     for (const auto& [k, before] : seconds_of_) {

@@ -3,6 +3,7 @@
 // The error of a mean of values that depend on their neighbours, from the means of consecutive blocks.
 //
 //   tau = 1 + 2 sum_(k <= w) r_k over the block means, w the first k >= 6 max(tau, 1)      [Sokal's window]
+//   error of tau = tau sqrt(2 (2 w + 1) / blocks)
 //   se^2 = Var(block mean) tau / blocks,  time = se^2 n / Var(value),  effective = n / time
 //
 //   Notation: r_k = autocorrelation of the block means at distance k, n = number of values.
@@ -22,12 +23,13 @@ namespace debias {
 
 struct Dependence {
   double time = 1;                                           ///< integrated autocorrelation time, in values
+  double time_error = 0;                                     ///< its standard error, relative
   double effective = 0;                                      ///< independent values that would be worth as much
   double standard_error = 0;                                 ///< of the mean
   double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t
 
-  /// Fewer than 50 effective values leave the error itself unknown, mostly too small.
-  [[nodiscard]] bool known() const { return effective >= 50; }
+  /// Fewer than 50 effective values, the time being one error longer, leave the error itself unknown, mostly too small.
+  [[nodiscard]] bool known() const { return effective >= 50 * (1 + time_error); }
   /// Beyond what chance does to the error: by half, or to two thirds.
   [[nodiscard]] bool matters() const { return time > 2.25 || time < 1 / 2.25; }
 };
