@@ -196,7 +196,10 @@ class Scales {
     if (seen.size() < 3 && !follows) e_.courses.clear();
     if (e_.courses.empty()) return;
     if (follows) e_.known_by_rates = declared_levels;
-    if (declared && !follows && !e_.contradiction) e_.not_there = sequence_.declared;
+    constexpr int enough_to_contradict = 5;  // levels, in what is only likely
+    if (declared && !follows && (!e_.contradiction || e_.known < enough_to_contradict)) {
+      e_.not_there = sequence_.declared;
+    }
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
     polynomial_share_ = weight / static_cast<double>(e_.courses.size());

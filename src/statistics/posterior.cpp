@@ -318,6 +318,15 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
           courses[i].slope = centre + (courses[i].slope - mean) * shrink;
           drifts[i] = std::min(drifts[i], 0.1);
         }
+        // They say of which kind the decay is, too.
+        std::size_t same = 0;
+        for (std::size_t i = 0; i < courses.size(); ++i) {
+          if (courses[i].polynomial == polynomial) continue;
+          while (courses[same % courses.size()].polynomial != polynomial) ++same;
+          courses[i] = courses[same % courses.size()];
+          drifts[i] = drifts[same % courses.size()];
+          ++same;
+        }
       }
     }
   }

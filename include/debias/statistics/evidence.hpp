@@ -140,7 +140,7 @@ struct Evidence {
   FittedRate work;       ///< gamma, in the unit of `exponential_work`
   bool changes = false;  ///< rarity that falls, a decay that steepens, ...: no trend to speak of a no
   std::optional<Contradiction> contradiction;  ///< of the declared rates
-  std::optional<Rates> not_there;              ///< declared rates that the levels neither follow nor contradict
+  std::optional<Rates> not_there;              ///< declared rates that the levels do not follow, or not yet
   std::vector<Warning> reasons;                ///< for the long report
 };
 
