@@ -17,6 +17,7 @@ constexpr std::int64_t most_levels = 16;    // that are measured
 constexpr double enough_hits = 16;          // of a level whose second moment is its own, and not the posterior's
 constexpr double enough_hits_of_base = 32;  // else the base is a rare value
 constexpr double block_work = 1000;         // the least of a block, in draws of the base
+constexpr double doubts = 1;                // standard errors of a lambda, where nets are compared with plain numbers
 constexpr double aim = 0.85;                // of a goal: the error of 32 blocks is known to an eighth
 constexpr double most_blocks = 0x1p20;      // of a run: more tell nothing that longer ones do not
 constexpr double hopeless = 4;              // of the work of plain numbers
@@ -28,7 +29,7 @@ constexpr double goal_pilot = 17.0 / 16;    // of a run of plain numbers: its ow
 double rounded_exponent(double theta) { return std::ceil(1000 * theta - 1e-6) / 1000; }
 
 // The exponent of the tail; nothing where no Dyadic PMF fits.
-std::optional<double> exponent_of(const Survey& s, std::string& why) {
+std::optional<double> exponent_of(const Survey& s, const std::optional<Rates>& declared, std::string& why) {
   const Evidence& e = s.evidence;
   if (e.polynomial) {
     why = "the differences fall like a power of the level, and blocks of nets need a power of 2";
@@ -36,11 +37,13 @@ std::optional<double> exponent_of(const Survey& s, std::string& why) {
   }
   const double work = e.exponential_work ? std::max(0.0, e.work.value) : 0;
   const bool ends = e.end == End::stated || e.end == End::zeros || e.end == End::rounding;
-  if (e.courses.empty() && !ends) {
+  const bool has_rates = declared && declared->decay == Decay::geometric;
+  if (e.courses.empty() && !ends && !has_rates) {
     why = "too few levels show how they fall";
     return {};
   }
-  const Rates rates{e.courses.empty() ? Rates::faster_than_any : e.decay.value, work};
+  const double decay = !e.courses.empty() ? e.decay.value : ends ? Rates::faster_than_any : declared->variance_decay;
+  const Rates rates{decay, e.courses.empty() && !ends ? declared->work_growth : work};
   if (!pmf_exists(rates)) {
     why = "the levels do not show a decay that leaves room for a tail";
     return {};
@@ -155,7 +158,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
 
 std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double work, const Plan& plan,
                                               const Advice& plain, double seconds_left) {
-  const std::optional<double> theta = exponent_of(plain.survey, why_);
+  const std::optional<double> theta = exponent_of(plain.survey, plain.facts.declared, why_);
   if (!theta) return {};
   const std::optional<Levels> levels = levels_of(base_level, work, plain.survey);
   if (!levels) return {};
@@ -207,6 +210,13 @@ std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double wo
     next.run_work = next.blocks * b.work;
     if (next.blocks > most_blocks) continue;
     next.share = target > 0 ? next.run_work / plain_work : b.variance * b.work / plain.predicted.product();
+    // Beside plain numbers a gain counts as far as it was seen: the best of many blocks is also the luckiest.
+    double believed = b.variance;
+    for (std::size_t k = 0; k < b.log2_counts.size(); ++k) {
+      const NetLevel& level = levels->levels[k];
+      believed += level.variance_of(b.log2_counts[k], doubts) - level.variance_of(b.log2_counts[k]);
+    }
+    if (b.variance > 0) next.share *= believed / b.variance;
     if (std::isnan(next.share)) next.share = 1;
     if (!best || (target > 0 ? next.run_work < best->run_work : true)) best = std::move(next);
   }

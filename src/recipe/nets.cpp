@@ -10,13 +10,14 @@
 namespace debias {
 namespace {
 
-constexpr double least_lambda = 1;  // plain numbers have it
-constexpr double most_lambda = 3;   // of a scrambled net [Owen 1997]
-constexpr int most_octaves = 26;    // of a level: a net has 2^27 points
-constexpr int most_growth = 3;      // octaves at once: a net may gain by the second of two
+constexpr double least_lambda = 1;     // plain numbers have it
+constexpr double most_lambda = 3;      // of a scrambled net [Owen 1997]
+constexpr int most_octaves = 26;       // of a level: a net has 2^27 points
+constexpr double octaves_known = 0.6;  // to that a variance of 12 nets is known
+constexpr int most_growth = 3;         // octaves at once: a net may gain by the second of two
 
 // lambda over the upper half of the octaves.
-double lambda_of(const std::vector<double>& variance) {
+double lambda_of(const std::vector<double>& variance, double doubts) {
   const std::size_t last = variance.size() - 1;
   double xy = 0;
   double xx = 0;
@@ -27,7 +28,8 @@ double lambda_of(const std::vector<double>& variance) {
     xy += x * std::log2(variance[j]);
     xx += x * x;
   }
-  return xx > 0 ? std::clamp(-xy / xx, least_lambda, most_lambda) : least_lambda;
+  return xx > 0 ? std::clamp(-xy / xx - doubts * octaves_known / std::sqrt(xx), least_lambda, most_lambda)
+                : least_lambda;
 }
 
 // What a draw of the tail adds where it begins at a level.
@@ -50,10 +52,10 @@ std::vector<Tail> tails_of(const std::vector<NetLevel>& levels, double theta) {
 
 }  // namespace
 
-double NetLevel::variance_of(int octaves) const {
+double NetLevel::variance_of(int octaves, double doubts) const {
   const int last = static_cast<int>(variance.size()) - 1;
   if (octaves <= last) return variance[static_cast<std::size_t>(octaves)];
-  return variance.back() * std::exp2(-lambda_of(variance) * (octaves - last));
+  return variance.back() * std::exp2(-lambda_of(variance, doubts) * (octaves - last));
 }
 
 double NetBlock::members() const {

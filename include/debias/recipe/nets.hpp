@@ -24,8 +24,9 @@ struct NetLevel {
   double second_moment = 0;      ///< E D^2
   double work = 1;               ///< of a point
 
-  /// V(2^octaves).
-  [[nodiscard]] double variance_of(int octaves) const;
+  /// V(2^octaves). Beyond the measured octaves lambda is one fitted to a few nets: `doubts` of its standard errors are taken from
+  /// it, so that a block whose gain is hoped for only shows it.
+  [[nodiscard]] double variance_of(int octaves, double doubts = 0) const;
 };
 
 struct NetBlock {
