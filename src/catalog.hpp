@@ -19,6 +19,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/rates.hpp>
 #include <debias/core/result.hpp>
+#include <debias/estimators/stratified.hpp>
 #include <debias/pmf/any.hpp>
 #include <debias/survey/levels.hpp>
 
@@ -47,7 +48,8 @@ struct Choice {
   AnyPmf pmf = AnyPmf(Geometric(0.5));  ///< not used by Method::truncated
   std::int64_t base_level = 0;
   std::string special = {};  ///< the name of a special method: the rest does not matter then
-  std::int64_t block = 1;    ///< samples of a systematically stratified block
+  std::int64_t block = 1;  ///< samples of a systematically stratified block; of a Dyadic PMF with nets, residual strata
+  Points points = Points::plain;
 };
 
 /// The method, or the special one.

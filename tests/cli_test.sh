@@ -212,13 +212,29 @@ check "a recipe says what it chose" has '"recipe": {' run.json
 for key in pmf estimator; do eval "$key=\$(value_of $key < run.json | tr -d '\"')"; done
 sed -n '/"largest"/,$p' run.json > largest
 "$debias" replay A10 --estimator "$estimator" --pmf "$pmf" --base-level "$(value_of base_level < run.json)" \
-  --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
+  --points "$(value_of points < run.json | tr -d '"')" --block "$(value_of block < run.json)" --seed 4 --sample "$(value_of index < largest)" --json > replay.json
 check "the PMF of a recipe replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
 "$debias" run A10 --estimator recipe --samples 1e4 --full > run.txt
 largest=$(sed -n 's/^largest  *\([^ ]*\) (sample \([0-9]*\),.*/\1 \2/p' run.txt)
 eval "'$debias' $(sed -n "s/^replay  *debias \(.*\) I\$/\1 ${largest#* }/p" run.txt)" > out
 check "the replay that a recipe prints is a command" \
   same "$(sed -n 's/^value  *//p' out | xargs printf '%.6g')" "${largest% *}"
+"$debias" run E02 --estimator recipe --error 0.01 --points nets --seed 2 --json > nets.json
+check "a recipe takes the points that are asked for" has '"points": "nets"' nets.json
+for key in pmf estimator block; do eval "$key=\$(value_of $key < nets.json | tr -d '\"')"; done
+"$debias" run E02 --estimator "$estimator" --pmf "$pmf" --points nets --samples "$(value_of samples < nets.json)" --seed 2 \
+  --json > same.json
+check "its run is the run of what it names" same "$(value_of mean < same.json)" "$(value_of mean < nets.json)"
+sed -n '/"largest"/,$p' nets.json > largest
+"$debias" replay E02 --estimator "$estimator" --pmf "$pmf" --points nets --seed 2 --sample "$(value_of index < largest)" \
+  --json > replay.json
+check "a block of nets replays" same "$(value_of value < replay.json)" "$(value_of value < largest)"
+"$debias" run E02 --estimator recipe --samples 1e5 --points plain > out
+check "a recipe of plain points says that they were asked for" has '^points  *plain: as asked' out
+refused_by 2 "--points = 'nets' (a point has the numbers of one stream" run E02 --points nets --block 64
+refused_by 2 "--points = 'nets' (there is no block" run E02 --estimator single_term_outcome --points nets
+refused_by 2 "is made for blocks of 6" run E02 --estimator single_term_outcome --pmf 'dyadic:2,0;theta=1.25' --points nets \
+  --block 8
 "$debias" run A01 --samples 1000 --confidence 0.9 > out
 check "another confidence has a line of its own" has '^interval  *90 % \[' out
 "$debias" run B01 --estimator ratio_tracking --samples 1000 > out

@@ -76,7 +76,9 @@ void with_estimator(const S& sequence, const Terms& terms, const Choice& c, cons
     case Method::single_term_outcome: {
       const Base base = c.method == Method::single_term ? Base::every_sample : Base::one_outcome;
       const auto member = single_term(sequence, c.pmf, {.base_level = c.base_level, .base = base});
-      return c.block > 1 ? use(stratified(member, c.block)) : use(member);
+      const bool counts = c.points == Points::nets && c.pmf.block() > 0;
+      return c.block > 1 ? use(stratified(member, c.block, counts ? Strata::residual : Strata::systematic, c.points))
+                         : use(member);
     }
     case Method::independent_sum:
       return use(independent_sum(sequence, c.pmf, {.base_level = c.base_level}));

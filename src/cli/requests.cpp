@@ -32,6 +32,7 @@ void shape(Way& way, Shape& s) {
   way.pmf(s.pmf);
   way.count_or("auto", "base_level", s.base_level, 0);
   way.count("block", s.block, 1);
+  way.points(s.points);
 }
 
 // Samples, seed and threads of a command that has no goal.

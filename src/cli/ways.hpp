@@ -146,6 +146,10 @@ class Reader {
     if (!text("estimator").empty()) x = &named(text("estimator"));
   }
   void pmf(PmfChoice& x) const { x = pmf_of(text("pmf")); }
+  void points(std::optional<Points>& x) const {
+    const auto at = words_.values.find("points");
+    if (at != words_.values.end()) x = points_of(at->second);  // checkpoints of before have none
+  }
   void format(numbers::Request& x) const {
     const std::string& t = text("format");
     std::vector<std::string_view> names;
@@ -246,6 +250,7 @@ class Writer {
     const AnyPmf* pmf = std::get_if<AnyPmf>(&x);
     text("pmf", pmf != nullptr ? pmf->spec() : "declared");
   }
+  void points(const std::optional<Points>& x) { text("points", name_of(x)); }
   void format(const numbers::Request& x) {
     for (const FormatName& f : formats) {
       if (f.format == x.format && f.order == x.order) text("format", std::string(f.name));

@@ -39,7 +39,8 @@ Fields describe(const catalog::Problem& problem, const catalog::Choice& choice) 
   append(f, {{"estimator", catalog::name_of(choice)},
              {"pmf", pmf.empty() ? Node(nullptr) : Node(pmf)},
              {"base_level", choice.base_level},
-             {"block", choice.block}});
+             {"block", choice.block},
+             {"points", name_of(choice.points)}});
   return f;
 }
 
@@ -114,6 +115,8 @@ Fields describe(const MeasuredRates& r) {
 
 Fields describe(const Advice& a) {
   return {{"members", a.members},
+          {"points", name_of(a.points)},
+          {"why_points", a.why_points},
           {"shares_base", a.shares_base},
           {"predicted_variance", a.predicted.variance},
           {"predicted_work", a.predicted.work},

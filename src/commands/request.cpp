@@ -1,10 +1,14 @@
 #include "request.hpp"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 
 #include <debias/core/no_pmf.hpp>
+
+#include "core/text.hpp"
 
 namespace debias::commands {
 namespace {
@@ -13,6 +17,7 @@ const Field estimator_field{"estimator"};
 const Field pmf_field{"pmf"};
 const Field block_field{"block"};
 const Field samples_field{"samples"};
+const Field points_field{"points"};
 constexpr std::string_view recipe_name = "recipe";
 
 std::string joined(const BadRequest::Pieces& pieces, const std::function<std::string(std::string_view)>& spell) {
@@ -58,6 +63,29 @@ std::int64_t block_of(const Shape& shape, catalog::Method method) {
   throw BadRequest({block_field, " = '" + std::to_string(shape.block) + "' (strata need a single term); leave it out"});
 }
 
+// The block that a method draws with the points that are asked for.
+std::int64_t block_of(const Shape& shape, catalog::Method method, const AnyPmf& pmf) {
+  if (shape.points != Points::nets) return block_of(shape, method);
+  if (method != catalog::Method::single_term_outcome) {
+    throw BadRequest({points_field,
+                      " = 'nets' (a point has the numbers of one stream, and a sample of " +
+                          std::string(catalog::name_of(method)) + " takes several); take ",
+                      estimator_field, " single_term_outcome"});
+  }
+  const std::int64_t own = pmf.block();
+  if (own > 0 && shape.block != 1 && shape.block != own) {
+    throw BadRequest({block_field, " = '" + std::to_string(shape.block) + "' (" + pmf.spec() +
+                                       " is made for blocks of " + std::to_string(own) + "); leave it out"});
+  }
+  if (own == 0 && shape.block == 1) {
+    throw BadRequest({points_field,
+                      " = 'nets' (there is no block whose members could be points of a net); take a PMF such as "
+                      "dyadic:10,8,5;theta=1.25, or a ",
+                      block_field});
+  }
+  return own > 0 ? own : shape.block;
+}
+
 }  // namespace
 
 BadRequest::BadRequest(Pieces pieces)
@@ -95,9 +123,9 @@ catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
   const bool declared = std::holds_alternative<Declared>(shape.pmf);
   const std::string special = shape.estimator ? shape.estimator->special : "";
   if (catalog::find_special(problem, special) != nullptr) {
-    if (!declared || shape.base_level || shape.block != 1) {
-      throw BadRequest(
-          {estimator_field, " = '" + special + "' (has no PMF, base level or block to choose); leave them out"});
+    if (!declared || shape.base_level || shape.block != 1 || shape.points == Points::nets) {
+      throw BadRequest({estimator_field,
+                        " = '" + special + "' (has no PMF, base level, block or points to choose); leave them out"});
     }
     return {catalog::Method::single_term, AnyPmf(Geometric(0.5)), problem.lowest_base, special};
   }
@@ -113,9 +141,28 @@ catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
     throw BadRequest(
         {pmf_field, " = '" + std::get<AnyPmf>(shape.pmf).spec() + "' (truncated draws no level); leave it out"});
   }
-  return {method, takes_pmf ? pmf_of(shape.pmf, problem, method) : AnyPmf(Geometric(0.5)),
-          shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
+  const AnyPmf pmf = takes_pmf ? pmf_of(shape.pmf, problem, method) : AnyPmf(Geometric(0.5));
+  return {method,
+          pmf,
+          shape.base_level.value_or(problem.lowest_base),
+          "",
+          block_of(shape, method, pmf),
+          shape.points.value_or(Points::plain)};
 }
+
+std::optional<Points> points_of(const std::string& text) {
+  if (text == "auto") return {};
+  for (const Points points : {Points::nets, Points::plain}) {
+    if (text == name_of(points)) return points;
+  }
+  constexpr std::array<std::string_view, 3> names = {"nets", "plain", "auto"};
+  const std::string meant = suggestion(text, names);
+  throw BadRequest({points_field, " = '" + text +
+                                      "' (the members of a level are points of nets, or have plain numbers)" +
+                                      (meant.empty() ? "; write nets, plain or auto" : meant)});
+}
+
+std::string name_of(const std::optional<Points>& points) { return points ? name_of(*points) : "auto"; }
 
 catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
   const catalog::Method method = method_of(shape, problem);
@@ -130,6 +177,7 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   RecipeOptions options;
   options.lowest_base = problem.lowest_base;
   options.base_level = shape.base_level;
+  options.points = shape.points;
   if (const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf)) {
     throw BadRequest({pmf_field, " = '" + pmf->spec() + "' (a recipe chooses it); leave it out"});
   }
@@ -143,6 +191,12 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
                                            "' (a recipe is for single_term and single_term_outcome); leave it out"});
   }
   options.base = shape.estimator->method == catalog::Method::single_term ? Base::every_sample : Base::one_outcome;
+  if (options.base == Base::every_sample && shape.points == Points::nets) {
+    throw BadRequest({points_field,
+                      " = 'nets' (a point has the numbers of one stream, and a sample of single_term takes several); "
+                      "take ",
+                      estimator_field, " single_term_outcome"});
+  }
   return options;
 }
 

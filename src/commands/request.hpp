@@ -66,9 +66,14 @@ struct Shape {
   PmfChoice pmf = Declared{};                   ///< of the random level
   std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
   std::int64_t block = 1;                       ///< samples of a block of systematic strata
+  std::optional<Points> points = {};            ///< of a recipe, what it finds better; else plain
 
   [[nodiscard]] bool by_recipe() const { return estimator && estimator->recipe; }
 };
+
+/// "auto" (none), "nets" or "plain". Throws BadRequest.
+std::optional<Points> points_of(const std::string& text);
+std::string name_of(const std::optional<Points>& points);
 
 /// The shape with nothing left open, for a problem. Throws BadRequest where its fields do not go together, and for a recipe.
 catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem);

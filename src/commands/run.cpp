@@ -68,6 +68,7 @@ RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, 
 Shape shape_of(const catalog::Choice& choice) {
   if (!choice.special.empty()) return {.estimator = Estimator{.special = choice.special}};
   Shape shape{.estimator = Estimator{choice.method}, .base_level = choice.base_level, .block = choice.block};
+  if (choice.points == Points::nets) shape.points = choice.points;
   if (choice.method != catalog::Method::truncated) shape.pmf = choice.pmf;
   return shape;
 }
@@ -106,7 +107,11 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   if (by_recipe) {
     advice = advise(problem.levels, plan, options);
     choice = {advice->base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
-              advice->pmf, advice->base_level, "", advice->block};
+              advice->pmf,
+              advice->base_level,
+              "",
+              advice->block,
+              advice->points};
     plan = debias::detail::plan_of(plan, *advice);
   }
 
@@ -234,12 +239,18 @@ void print(std::ostream& out, const RunReport& run, bool full) {
                      c.special.empty();
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
   if (!run.advice) return;
-  full ? print_full(out, *run.advice) : debias::detail::print_doubts(out, *run.advice, s);
+  if (full) {
+    print_full(out, *run.advice);
+  } else {
+    debias::detail::print_points(out, *run.advice);
+    debias::detail::print_doubts(out, *run.advice, s);
+  }
   if (!full || run.problem->id.empty()) return;
   print_line(out, "replay",
              "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
                  c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
-                 std::to_string(c.block) + " --seed " + std::to_string(s.seed) + " --sample I");
+                 std::to_string(c.block) + (c.points == Points::nets ? " --points nets" : "") + " --seed " +
+                 std::to_string(s.seed) + " --sample I");
 }
 
 Fields fields(const RunReport& run) {

@@ -6,6 +6,7 @@
 //   collection.collect_queries(draws) calls draws() for its questions, and has them answered; then the draws that count read them
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 
 #include <debias/core/estimate.hpp>
@@ -15,7 +16,11 @@ namespace debias::python {
 template <class Collection>
 class Collecting {
  public:
-  explicit Collecting(Collection& collection) : collection_(&collection) {}
+  /// `block` samples come from each stream.
+  explicit Collecting(Collection& collection, std::int64_t block = 1)
+      : collection_(&collection),
+        ahead_(std::max<std::int64_t>(
+            1, static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(ahead / block))))) {}
 
   void begin(std::int64_t first, std::int64_t last, bool in_order) {
     in_order_ = in_order;
@@ -25,7 +30,7 @@ class Collecting {
   template <class Draw>
   void chunk(std::int64_t first, std::int64_t last, const Draw& draw, Recorder& recorder) {
     if (!in_order_ || first >= collected_) {  // some whole chunks at once, where all will come
-      collected_ = in_order_ ? std::min((first / ahead + 1) * ahead, end_) : last;
+      collected_ = in_order_ ? std::min((first / ahead_ + 1) * ahead_, end_) : last;
       collect_queries(first, collected_, draw);
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
@@ -38,7 +43,7 @@ class Collecting {
   }
 
  private:
-  static constexpr std::int64_t ahead = 1 << 16;
+  static constexpr std::int64_t ahead = 1 << 16;  // samples
 
   template <class Draw>
   void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {
@@ -49,6 +54,7 @@ class Collecting {
   }
 
   Collection* collection_;
+  std::int64_t ahead_;  // streams: whole chunks
   bool in_order_ = false;
   std::int64_t collected_ = 0;
   std::int64_t end_ = 0;
@@ -58,7 +64,7 @@ class Collecting {
 template <Estimator E, class Collection>
 auto estimate_collected(Collection& collection, const E& estimator, Plan plan) {
   plan.threads = 1;
-  Collecting<Collection> way(collection);
+  Collecting<Collection> way(collection, debias::detail::pieces_of(estimator).block);
   return debias::detail::estimate_by(way, estimator, plan);
 }
 

@@ -80,12 +80,14 @@ double Options::share(const char* name) const {
   return parse_share(text(name), name);
 }
 
-commands::Shape shape_of(const Options& options) {
+// The points of a sweep are something else.
+commands::Shape shape_of(const Options& options, bool with_points) {
   commands::Shape s;
   if (options.has("estimator")) s.estimator = commands::estimator_of(options.text("estimator"));
   if (options.has("pmf")) s.pmf = commands::pmf_of(options.text("pmf"));
   if (options.has("base_level")) take(options, "base_level", s.base_level.emplace(), 0);
   take(options, "block", s.block, 1);
+  if (with_points && options.has("points")) s.points = commands::points_of(options.text("points"));
   return s;
 }
 
@@ -117,7 +119,7 @@ commands::SurveyRequest survey_request(const catalog::Problem& problem, const Op
 }
 
 commands::TradeoffRequest tradeoff_request(const catalog::Problem& problem, const Options& options) {
-  commands::TradeoffRequest r{.problem = &problem, .shape = shape_of(options), .seed = seed_of(options)};
+  commands::TradeoffRequest r{.problem = &problem, .shape = shape_of(options, false), .seed = seed_of(options)};
   if (options.has("family")) r.family = commands::family_of(options.text("family"));
   take(options, "points", r.points, 1, static_cast<std::uint64_t>(commands::most_points));
   take(options, "samples", r.samples, 1);

@@ -34,7 +34,7 @@ class Options {
   pybind11::dict given_;
 };
 
-commands::Shape shape_of(const Options& options);
+commands::Shape shape_of(const Options& options, bool with_points = true);
 std::uint64_t seed_of(const Options& options);
 
 commands::RunRequest run_request(const catalog::Problem& problem, const Options& options);

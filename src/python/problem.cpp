@@ -34,6 +34,10 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
     lookups->collect_queries(mean_work);
     return mean_work();
   };
+  runs.nets = [sequence, lookups](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
+    return debias::detail::net_moments(
+        estimate_collected(*lookups, debias::detail::NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
+  };
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence, lookups](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return debias::detail::shared_moments(

@@ -56,4 +56,24 @@ StrataMoments detail::strata_moments(const Statistics& s, std::int64_t members) 
   return moments;
 }
 
+NetMoments detail::net_moments(const Statistics& s, int octaves) {
+  NetMoments m;
+  const auto top = static_cast<std::size_t>(octaves);
+  constexpr auto first = static_cast<std::size_t>(NetMoments::most_octaves);
+  m.variance.resize(top + 1);
+  for (std::size_t c = first; c < s.components.size(); ++c) {
+    m.mean.push_back(s.components[c].mean);
+    m.variance[top] += s.components[c].variance;
+    m.second_moment += s.components[c].mean * s.components[c].mean;
+  }
+  for (std::size_t j = top; j-- > 0;) m.variance[j] = m.variance[j + 1] + s.components[j].mean;
+  m.second_moment += m.variance[0];
+  for (const LevelRow& row : s.levels) {
+    m.hits = row.kurtosis > 0 ? static_cast<double>(row.count) / row.kurtosis : 0;
+  }
+  m.work = s.work;
+  m.seconds = s.seconds;
+  return m;
+}
+
 }  // namespace debias

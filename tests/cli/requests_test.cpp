@@ -92,6 +92,13 @@ TEST_CASE("words have types once they are read", "[cli][requests][exact]") {
             .shape.estimator->special == "ratio_tracking");
   CHECK(read<commands::MultilevelRequest>("run", {{"problem", "A01"}, {"estimator", "multilevel"}, {"error", "0.5"}})
             .error == 0.5);
+  CHECK(run.shape.points == std::nullopt);
+  CHECK(read<commands::RunRequest>("run", {{"problem", "E02"}, {"points", "nets"}}).shape.points == Points::nets);
+  CHECK(
+      read<commands::ReplayRequest>("replay", {{"problem", "E02"}, {"points", "plain"}, {"seed", "1"}, {"sample", "0"}})
+          .shape.points == Points::plain);
+  CHECK(read<commands::TradeoffRequest>("tradeoff", {{"problem", "A01"}, {"points", "3"}}).shape.points ==
+        std::nullopt);
   CHECK(read<RenderTransmittance>("render transmittance", {{"size", "3x4"}}).request.height == 4);
   CHECK(read<commands::TradeoffRequest>("tradeoff", {{"problem", "A01"}, {"family", "poisson"}}).family ==
         commands::Family::poisson);
@@ -104,6 +111,8 @@ TEST_CASE("a refusal names the option as it is typed, wherever it was found out"
         "--estimator multilevel (takes its draws from --error); write --error 0.01");
   CHECK(complaint("tradeoff", {{"problem", "A01"}, {"family", "geometrc"}}) ==
         "--family = 'geometrc' (write geometric, zeta or poisson); did you mean 'geometric'?");
+  CHECK(complaint("run", {{"problem", "A01"}, {"points", "net"}}) ==
+        "--points = 'net' (the members of a level are points of nets, or have plain numbers); did you mean 'nets'?");
   CHECK(complaint("validate", {{"samples", "1"}}).rfind("--samples = '1' (has no standard error)", 0) == 0);
   CHECK(complaint("render transmittance", {{"dims", "2x2x2"}}) == "--dims = '2x2x2' (of no volume); add --volume FILE");
 }
@@ -134,6 +143,12 @@ TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests
   CHECK(survives(commands::RunRequest{.problem = &catalog::find("B01"),
                                       .shape = {.estimator = Estimator{.special = "ratio_tracking"}}}));
   CHECK(survives(commands::RunRequest{.problem = &problem, .shape = {.estimator = Estimator{.recipe = true}}}));
+  for (const Points points : {Points::nets, Points::plain}) {
+    commands::RunRequest r{.problem = &problem, .shape = {.points = points}};
+    CHECK(survives(r));
+    r.shape.estimator = Estimator{.recipe = true};
+    CHECK(survives(r));
+  }
   CHECK(survives(commands::MultilevelRequest{.problem = &problem, .error = 0.1, .seed = 7}));
   CHECK(survives(commands::ValidateRequest{.problems = {&problem, &catalog::find("E06")}, .samples = 2}));
   CHECK(survives(commands::TradeoffRequest{.problem = &problem, .family = commands::Family::zeta, .points = 3}));

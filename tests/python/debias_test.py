@@ -141,7 +141,7 @@ class SameBits(unittest.TestCase):
                 "mean": (mean, {**plan, "pmf": PMF}),
                 "comb": (comb, {**plan, "pmf": "geometric:r=0.8"}),
                 "jittered": (jittered, {**plan, "pmf": "geometric:r=0.8"}),
-                "recipe": (SCALAR, {**plan, "estimator": "recipe"})}
+                "recipe": (SCALAR, {**plan, "estimator": "recipe", "points": "plain"})}
         self.assertEqual(set(runs) | {"sample"}, set(expected))
         for name, (problem, options) in runs.items():
             with self.subTest(name), warnings.catch_warnings():
@@ -506,6 +506,27 @@ class OwnProblems(unittest.TestCase):
                          debias.estimate(SCALAR, samples=10000, pmf=PMF).mean)
         with self.assertRaisesRegex(ValueError, r"return \(fine, coarse\)"):
             debias.survey(alone)
+
+    def test_points_of_nets(self):
+        a = debias.advise("E02", error=0.01, seed=3, points="nets")
+        self.assertEqual((a["points"], a["base"]), ("nets", "one_outcome"))
+        self.assertIn("as asked", a["why_points"])
+        r = debias.estimate("E02", error=0.01, seed=3, estimator="recipe", points="nets")
+        same = debias.estimate("E02", samples=r.samples, seed=3, estimator="single_term_outcome", pmf=a["pmf"],
+                               base_level=a["base_level"], block=a["block"], points=a["points"])
+        self.assertEqual(same.mean, r.mean)
+        self.assertEqual(same["points"], "nets")
+        self.assertEqual(debias.estimate("E02", samples=20000, estimator="recipe", points="plain")["points"], "plain")
+        # A level of one's own: its uniforms are the points.
+        own = debias.levels(powers(square), dimension=lambda k: 2**k, rates=(2, 1))
+        options = {"seed": 5, "estimator": "single_term_outcome", "pmf": "dyadic:6,4,2;theta=1.25", "points": "nets"}
+        r = debias.estimate(own, samples=85 * 64, **options)
+        self.assertEqual((r.samples, r.blocks, r.block), (85 * 64, 64, 85))
+        self.assertLess(abs(r.mean - 0.25), 4.5 * r.standard_error)
+        value = debias.samples(own, 85, **options)
+        self.assertEqual(debias.replay(own, 3, **options)["value"], value[0])
+        with self.assertRaisesRegex(ValueError, "^points = 'net' .*did you mean 'nets'"):
+            debias.estimate("E02", points="net")
 
 
 class Plots(unittest.TestCase):

@@ -5,12 +5,15 @@
 //   draw       I_k with its coarse partner and D_k
 //   shared     a base I_m and D_k from the same draws: Var I_m, Cov(I_m, D_k), work
 //   together   2^j members of one level in strata over the first uniform that they draw: what that leaves of Var D_k
+//   nets       V_k(2^j), the variance of the mean of D_k, or of I_k, over 2^j points of a scrambled net, for every j at once
 //
 //   Notation: k = level, m = base_level, I_k and D_k = value and difference of the sequence.
 // Level k of sample i draws from the pilot streams (Branch::pilot): no sample of an estimator ever sees them, so what
 // is chosen from these draws biases nothing.
+// One pass over R nets of 2^M points gives all V_k: halves of a net are nets, of which neighbours a, b are averaged pair by pair,
+// and V(2^j) - V(2^(j+1)) = E |a - b|^2 / 4; V(2^M) is the variance between the nets.
 // Fails where the erased type is no BiasedSequence; `shared` and `together` are empty for sequences without the hooks.
-// Source: Giles, Acta Numerica 24 (2015), section 3; strata over first uniforms as in core/stream_batch.hpp.
+// Source: Giles, Acta Numerica 24 (2015), section 3; strata over first uniforms as in core/stream_batch.hpp; nets derived.
 
 #include <algorithm>
 #include <array>
@@ -47,6 +50,17 @@ struct StrataMoments {
   double work = 0;                      ///< of all draws
 };
 
+/// What nets of 2^M points tell of one level.
+struct NetMoments {
+  static constexpr int most_octaves = 20;
+  std::vector<double> variance;  ///< of a mean over 1, 2, 4, ... 2^M points; falls. Summed over the components
+  std::vector<double> mean;      ///< by component
+  double second_moment = 0;      ///< of one point: the squared norm
+  double hits = 0;               ///< points that make it: their number over the kurtosis
+  double work = 0;               ///< of all points
+  double seconds = 0;
+};
+
 /// The erased levels of a sequence.
 struct LevelRuns {
   /// Draws plan.samples times (I_k, D_k).
@@ -61,6 +75,8 @@ struct LevelRuns {
   /// its base. Empty where the members of a stratified block do not run together.
   std::function<StrataMoments(std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan)>
       together;
+  /// Draws plan.samples nets of 2^octaves points of a level: of I_k, as the base, or of D_k.
+  std::function<NetMoments(std::int64_t level, bool as_base, int octaves, const Plan& plan)> nets;
   SequenceFacts facts{};  ///< what the sequence states of itself
 };
 
@@ -205,6 +221,119 @@ struct TogetherDraw {
   }
 };
 
+/// Means over 1, 2, 4, ... values in a row: those of the last value, and how neighbours differ.
+template <Value V>
+class Halving {
+ public:
+  void add(V v) {
+    std::size_t j = 0;
+    for (; (count_ >> j & 1) != 0; ++j) {
+      const V step = debias::difference(v, means_[j]);
+      double square = 0;
+      for (std::size_t c = 0; c < component_count(step); ++c) square += component(step, c) * component(step, c);
+      squares_[j] += square / 4;
+      v = debias::scaled(debias::sum(std::move(v), means_[j]), 0.5);
+    }
+    if (j == means_.size()) {
+      means_.push_back(std::move(v));
+    } else {
+      means_[j] = std::move(v);
+    }
+    ++count_;
+  }
+  /// Of all values, a power of two of them.
+  [[nodiscard]] const V& mean() const { return means_.back(); }
+  /// E |a - b|^2 / 4 of the means a, b of 2^j neighbours each.
+  [[nodiscard]] double step(std::size_t j) const {
+    const auto pairs = static_cast<double>(count_ >> (j + 1));
+    return pairs > 0 ? squares_[j] / pairs : 0;
+  }
+
+ private:
+  std::uint64_t count_ = 0;
+  std::vector<V> means_;
+  std::array<double, NetMoments::most_octaves> squares_{};
+};
+
+/// One net: its steps, and its mean.
+template <Value V>
+struct NetSums {
+  static constexpr auto octaves = static_cast<std::size_t>(NetMoments::most_octaves);
+  std::array<double, octaves> steps;
+  V mean;
+
+  friend NetSums operator+(NetSums a, const NetSums& b) {
+    for (std::size_t j = 0; j < octaves; ++j) a.steps[j] += b.steps[j];
+    a.mean = debias::sum(std::move(a.mean), b.mean);
+    return a;
+  }
+  friend NetSums operator-(NetSums a, const NetSums& b) {
+    for (std::size_t j = 0; j < octaves; ++j) a.steps[j] -= b.steps[j];
+    a.mean = debias::difference(std::move(a.mean), b.mean);
+    return a;
+  }
+  [[nodiscard]] double scalar() const { return debias::as_scalar(mean); }
+  friend std::size_t component_count(const NetSums& s) { return octaves + component_count(s.mean); }
+  friend double component(const NetSums& s, std::size_t i) {
+    return i < octaves ? s.steps[i] : component(s.mean, i - octaves);
+  }
+  friend void set_component(NetSums& s, std::size_t i, double x) {
+    if (i < octaves) {
+      s.steps[i] = x;
+    } else {
+      set_component(s.mean, i - octaves, x);
+    }
+  }
+};
+
+/// The points of a net of one level, in order: values of the base, or differences.
+template <BiasedSequence S>
+struct NetDraw {
+  using V = sequence_value_t<S>;
+  const S& sequence;
+  std::int64_t level;
+  bool as_base;
+  int octaves;
+
+  /// A net is a long sample: each is a piece of its own.
+  [[nodiscard]] std::int64_t chunk() const { return 1; }
+
+  template <Record R>
+  Sample<NetSums<V>> operator()(Stream& rng, R& record) const {
+    const Stream net = split_level(split(rng, Branch::pilot), level);
+    const auto size = std::uint64_t{1} << octaves;
+    Halving<V> halving;
+    double work = 0;
+    const auto take = [&](Term<V> term) {
+      check_work(level, term.work);
+      work += term.work;
+      record.difference(level, debias::as_scalar(term.value), term.work);
+      halving.add(std::move(term.value));
+    };
+    if constexpr (BatchesLevels<S> && BatchesValues<S> && BatchesDifferences<S>) {
+      std::array<Term<double>, StreamBatch::capacity> terms;
+      for (std::uint64_t r = 0; r < size;) {
+        const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(size - r, StreamBatch::capacity));
+        StreamBatch streams = StreamBatch::points(net, r, n);
+        const std::span<Term<double>> some = std::span(terms).first(n);
+        as_base ? sequence.values(level, streams, some) : sequence.differences(level, streams, some);
+        for (const Term<double>& term : some) take(term);
+        r += n;
+      }
+    } else {
+      for (std::uint64_t r = 0; r < size; ++r) {
+        Stream point = net.point(r);
+        take(as_base ? debias::value_of(sequence, level, point) : debias::difference_of(sequence, level, point));
+      }
+    }
+    Sample<NetSums<V>> sample{{{}, halving.mean()}, work, level};
+    for (std::size_t j = 0; j < static_cast<std::size_t>(octaves); ++j) sample.value.steps[j] = halving.step(j);
+    return sample;
+  }
+};
+
+NetMoments net_moments(const Statistics& statistics, int octaves);
+
 constexpr std::int64_t draws_for_work = 16;
 
 template <BiasedSequence S>
@@ -239,6 +368,9 @@ LevelRuns level_runs(const S& sequence) {
     return debias::estimate(detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
+  runs.nets = [sequence](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
+    return detail::net_moments(debias::estimate(detail::NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
+  };
   runs.facts = facts_of(sequence);
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {

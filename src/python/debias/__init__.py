@@ -448,7 +448,7 @@ class _Bar:
 
 def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
              estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
-             block: Optional[Number] = None, error: Optional[Number] = None,
+             block: Optional[Number] = None, points: Optional[str] = None, error: Optional[Number] = None,
              relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
              confidence: Number = 0.95, progress: Progress = None) -> Result:
     """Estimates a problem: `samples` of them (1e6), or as many as `error`, `relative_error` or `seconds` ask for.
@@ -457,6 +457,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
                 rates are given; "multilevel", the biased baseline, takes an `error`
     pmf         of the random level, "geometric:r=0.6"; without one the declared rates of the problem choose
     block       samples of a block of systematic strata; `samples` is rounded up to whole blocks
+    points      "nets": the samples of a level are points of a scrambled net in each block; "plain"; "auto" leaves it to
+                a recipe
     progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
 
     Issues a DebiasWarning for each doubt of the result.
@@ -465,7 +467,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
                        estimator=None if estimator == "multilevel" else estimator, pmf=pmf, base_level=base_level,
-                       block=block, error=error, relative_error=relative_error, seconds=seconds, confidence=confidence)
+                       block=block, points=points, error=error, relative_error=relative_error, seconds=seconds,
+                       confidence=confidence)
     with _Bar(progress) as bar:
         result = Result(*command(problem, options, bar))
     _warn(result)
@@ -490,7 +493,7 @@ def _warn(result: Result) -> None:
 
 def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int = 0,
             estimator: Optional[str] = None, pmf: Optional[str] = None, base_level: Optional[Number] = None,
-            block: Optional[Number] = None, progress: Progress = None) -> Samples:
+            block: Optional[Number] = None, points: Optional[str] = None, progress: Progress = None) -> Samples:
     """Samples first, first + 1, ... of a seed, n of them: the very ones that `estimate` averages. With `block`, one value
     for each block, the mean of its samples: n and first are then multiples of the block.
 
@@ -503,7 +506,7 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
     options = _options(seed=seed, estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf,
-                       base_level=base_level, block=block)
+                       base_level=base_level, block=block, points=points)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
     components = problem.components if isinstance(problem, Problem) else 1
@@ -513,7 +516,8 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
 
 
 def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimator: Optional[str] = None,
-           pmf: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None) -> Report:
+           pmf: Optional[str] = None, base_level: Optional[Number] = None, block: Optional[Number] = None,
+           points: Optional[str] = None) -> Report:
     """One sample of a run again, with every level that it touched; of a block, all its samples, each level with the `member`
     that drew it."""
     if seed is None or isinstance(seed, np.random.Generator):
@@ -521,7 +525,7 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
                         "its result")
     options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
                        estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf, base_level=base_level,
-                       block=block)
+                       block=block, points=points)
     return Report(*_debias.replay(problem, options, None))
 
 
@@ -545,16 +549,16 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
 
 
 def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
-           estimator: Optional[str] = None, base_level: Optional[Number] = None, error: Optional[Number] = None,
-           relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
+           estimator: Optional[str] = None, base_level: Optional[Number] = None, points: Optional[str] = None,
+           error: Optional[Number] = None, relative_error: Optional[Number] = None, seconds: Optional[Number] = None,
            progress: Progress = None) -> Report:
-    """What a recipe would choose: base level, PMF and strata, and what they are worth.
+    """What a recipe would choose: base level, PMF, strata and points, and what they are worth.
 
-    `estimate(problem, pmf=a["pmf"], base_level=a["base_level"], block=a["block"], estimator=...)` follows the advice
+    `estimate(problem, pmf=a["pmf"], base_level=a["base_level"], block=a["block"], points=a["points"], estimator=...)` follows it
     without another pilot, "single_term_outcome" where its a["base"] is "one_outcome".
     """
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
-                       error=error, relative_error=relative_error, seconds=seconds)
+                       points=points, error=error, relative_error=relative_error, seconds=seconds)
     with _Bar(progress) as bar:
         return Report(*_debias.advise(_problem(problem), options, bar))
 

@@ -1,0 +1,32 @@
+#pragma once
+
+// The single term with the least variance x work that the levels of a pilot allow, in plain numbers: base level, base form,
+// PMF and strata.
+//
+//   Notation: m = base level, p = PMF, members = samples of the single-term estimator, in blocks.
+
+#include <debias/recipe.hpp>
+
+namespace debias {
+
+/// Chooses for advice.members in blocks of advice.block, from advice.survey. `finally` draws all that it can to compare what it
+/// chose. False: no level has values that are finite numbers, of finite variance.
+[[nodiscard]] bool choose_term(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal,
+                               bool finally, Advice& advice);
+
+/// Blocks that a run has at least, where it can have them.
+double fewest_blocks_of(const Advice& advice);
+/// A block for that many members, and the members in whole blocks.
+void set_members(Advice& advice, double members);
+/// Those that the plan, or its goal, asks for.
+double wanted_members(const Advice& advice, const Plan& plan);
+/// Whether a run of the members of the advice may take the PMF, see core/reach.hpp.
+bool is_drawable(const Advice& advice, std::int64_t deepest_level, bool has_goal);
+/// Moments of a sample are finite below this order, with a PMF of this tail.
+double highest_moment_of(const Survey& survey, double exponent);
+
+/// Throws for a goal that nobody will pay for.
+[[noreturn]] void refuse_cost(const Advice& advice, double members);
+inline constexpr double most_affordable = 0x1p46;  ///< members of a goal
+
+}  // namespace debias

@@ -1,0 +1,246 @@
+#include "recipe/net_pilot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/communicator.hpp"
+#include "core/text.hpp"
+
+namespace debias {
+namespace {
+
+constexpr int fewest_octaves = 3;           // of a net that tells how a variance falls
+constexpr std::int64_t fewest_levels = 3;   // a base and two differences
+constexpr std::int64_t most_levels = 16;    // that are measured
+constexpr double enough_hits = 16;          // of a level whose second moment is its own, and not the posterior's
+constexpr double enough_hits_of_base = 32;  // else the base is a rare value
+constexpr double block_work = 1000;         // the least of a block, in draws of the base
+constexpr double doubts = 1;                // standard errors of a lambda, where nets are compared with plain numbers
+constexpr double aim = 0.85;                // of a goal: the error of 32 blocks is known to an eighth
+constexpr double most_blocks = 0x1p20;      // of a run: more tell nothing that longer ones do not
+constexpr double hopeless = 4;              // of the work of plain numbers
+constexpr double most_members = 0x1p31;     // of a block
+constexpr double most_exponent_beyond = 3;  // of the tail's, over that of the work, where differences end
+constexpr double told_from_zero = 3;        // standard errors
+constexpr double goal_pilot = 17.0 / 16;    // of a run of plain numbers: its own pilot for the goal
+
+double rounded_exponent(double theta) { return std::ceil(1000 * theta - 1e-6) / 1000; }
+
+// The exponent of the tail; nothing where no Dyadic PMF fits.
+std::optional<double> exponent_of(const Survey& s, const std::optional<Rates>& declared, std::string& why) {
+  const Evidence& e = s.evidence;
+  if (e.polynomial) {
+    why = "the differences fall like a power of the level, and blocks of nets need a power of 2";
+    return {};
+  }
+  const double work = e.exponential_work ? std::max(0.0, e.work.value) : 0;
+  const bool ends = e.end == End::stated || e.end == End::zeros || e.end == End::rounding;
+  const bool has_rates = declared && declared->decay == Decay::geometric;
+  if (e.courses.empty() && !ends && !has_rates) {
+    why = "too few levels show how they fall";
+    return {};
+  }
+  const double decay = !e.courses.empty() ? e.decay.value : ends ? Rates::faster_than_any : declared->variance_decay;
+  const Rates rates{decay, e.courses.empty() && !ends ? declared->work_growth : work};
+  if (!pmf_exists(rates)) {
+    why = "the levels do not show a decay that leaves room for a tail";
+    return {};
+  }
+  return rounded_exponent(std::min(dyadic_exponent(rates), work + most_exponent_beyond));
+}
+
+}  // namespace
+
+/// The levels of a block from a base on, and what is known of their mean.
+struct NetPilot::Levels {
+  std::vector<NetLevel> levels;
+  double mean = 0;           ///< norm of the sum
+  double mean_variance = 0;  ///< of it
+};
+
+double NetPilot::least_work(std::int64_t base_level) const {
+  double work = 0;
+  for (std::int64_t i = 0; i < fewest_levels; ++i) {
+    const auto each = runs_.work(base_level + i, plan_);
+    work = std::max(work, i == 0 ? each.first : each.second);
+  }
+  return static_cast<double>(fewest_levels) * static_cast<double>(nets << fewest_octaves) * work;
+}
+
+const NetMoments* NetPilot::measured(std::int64_t level, bool as_base, double work) {
+  const auto each = runs_.work(level, plan_);
+  const double points = work / (static_cast<double>(nets) * (as_base ? each.first : each.second));
+  const int octaves = std::min(NetMoments::most_octaves, static_cast<int>(std::floor(std::log2(points))));
+  if (octaves < fewest_octaves) return nullptr;
+  const auto [at, is_new] = known_.try_emplace({level, as_base});
+  if (is_new || static_cast<int>(at->second.variance.size()) <= octaves) {
+    Plan part = plan_;
+    part.samples = nets;
+    at->second = runs_.nets(level, as_base, octaves, part);
+    work_ += at->second.work;
+    seconds_ += at->second.seconds;
+  }
+  last_level_ = std::max(last_level_, level);
+  return &at->second;
+}
+
+std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, double work, const Survey& survey) {
+  const std::int64_t deepest = std::min(runs_.deepest_level, base_level + most_levels - 1);
+  const auto work_of = [&](std::int64_t level) {
+    const auto each = runs_.work(level, plan_);
+    return level == base_level ? each.first : each.second;
+  };
+  // As many levels as get a net each of its least size.
+  std::int64_t count = 0;
+  double most = 0;
+  while (base_level + count <= deepest) {
+    // A level that the pilot's draws did not reach may be one that the sequence refuses.
+    if (count >= fewest_levels && base_level + count > survey.rows.back().level) break;
+    const double next = std::max(most, work_of(base_level + count));
+    if (work / static_cast<double>(count + 1) < static_cast<double>(nets << fewest_octaves) * next) break;
+    most = next;
+    ++count;
+  }
+  if (count < fewest_levels) {
+    why_ = "the run is too short for nets to be measured";
+    return {};
+  }
+  const LevelModel model = model_of(survey);
+  Levels found;
+  std::vector<double> mean;
+  double ratio = 1;  // of what nets showed of the last level over what the posterior says
+  for (auto k = static_cast<std::size_t>(base_level); k < model.size(); ++k) {
+    const auto level = static_cast<std::int64_t>(k);
+    const bool as_base = level == base_level;
+    const double believed = model.variance[k] + model.mean_square[k];
+    if (level - base_level >= count) {  // like the last one, at the posterior's size
+      NetLevel deeper = found.levels.back();
+      const double size = ratio * believed;
+      const double scale = deeper.second_moment > 0 ? size / deeper.second_moment : 0;
+      for (double& v : deeper.variance) v *= scale;
+      deeper.second_moment = size;
+      deeper.work = model.work[k];
+      found.levels.push_back(std::move(deeper));
+      continue;
+    }
+    const NetMoments* m = measured(level, as_base, work / static_cast<double>(count));
+    if (m == nullptr || !std::isfinite(m->second_moment) || !std::isfinite(m->variance.front())) {
+      why_ = "level " + std::to_string(level) + " has shown no variance that is a finite number";
+      return {};
+    }
+    if (as_base && m->variance.front() > 0 && m->hits < enough_hits_of_base) {
+      why_ = "the base level shows a rare value, whose variance is not known from nets";
+      return {};
+    }
+    NetLevel next{m->variance, m->second_moment, work_of(level)};
+    if (!as_base && m->hits < enough_hits && believed > next.second_moment) {
+      // Rare: what they add up to is not seen in any net.
+      const double scale = next.second_moment > 0 ? believed / next.second_moment : 0;
+      for (double& v : next.variance) v *= scale;
+      if (scale == 0) {
+        for (std::size_t j = 0; j < next.variance.size(); ++j) {
+          next.variance[j] = believed * std::exp2(-static_cast<double>(j));
+        }
+      }
+      next.second_moment = believed;
+    }
+    if (!as_base && believed > 0) ratio = next.second_moment / believed;
+    mean.resize(std::max(mean.size(), m->mean.size()));
+    for (std::size_t c = 0; c < m->mean.size(); ++c) mean[c] += m->mean[c];
+    found.mean_variance += m->variance.back() / static_cast<double>(nets);
+    found.levels.push_back(std::move(next));
+  }
+  for (const double x : mean) found.mean = std::hypot(found.mean, x);
+  return found;
+}
+
+std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double work, const Plan& plan,
+                                              const Advice& plain, double seconds_left) {
+  const std::optional<double> theta = exponent_of(plain.survey, plain.facts.declared, why_);
+  if (!theta) return {};
+  const std::optional<Levels> levels = levels_of(base_level, work, plain.survey);
+  if (!levels) return {};
+  const Goal& goal = plan.goal;
+  double target = 0;     // variance of the mean
+  double most_work = 0;  // of the run
+  double members = 0;    // of the run
+  if (goal.seconds > 0) {
+    most_work = work_ / std::max(seconds_, 1e-9) * std::max(0.0, seconds_left);
+  } else if (goal.asked()) {
+    double error = goal.error;
+    if (goal.relative_error > 0) {
+      const double sure = levels->mean - std::sqrt(levels->mean_variance);
+      if (!(levels->mean > told_from_zero * std::sqrt(levels->mean_variance))) {
+        why_ = "the mean is not told from 0 yet";
+        return {};
+      }
+      error = goal.relative_error * sure;
+    }
+    target = std::pow(aim * error, 2);
+  } else {
+    members = static_cast<double>(plan.samples);
+  }
+  const double plain_work = plain.predicted.work * static_cast<double>(plain.members) * (goal.asked() ? goal_pilot : 1);
+  const auto blocks_of = [&](const NetBlock& b) {
+    if (target > 0) return std::max(fewest_blocks, std::ceil(b.variance / target));
+    if (most_work > 0) return std::max(fewest_blocks, std::floor(most_work / b.work));
+    return std::max(fewest_blocks, std::ceil(members / b.members()));
+  };
+  const auto fits = [&](const NetBlock& b) {
+    if (target > 0) return true;
+    return most_work > 0 ? fewest_blocks * b.work <= most_work : fewest_blocks * b.members() <= members;
+  };
+  const std::vector<NetBlock> all = net_blocks(levels->levels, *theta, [&](const NetBlock& b) {
+    if (b.members() > most_members) return true;
+    if (target > 0) {
+      const bool met = b.variance <= fewest_blocks * target && b.work >= block_work * unit_;
+      return met || (!options_.points && fewest_blocks * b.work > hopeless * plain_work);
+    }
+    return !fits(b);
+  });
+  std::optional<Found> best;
+  for (const NetBlock& b : all) {
+    // Where nets are asked for, a short run has small blocks, and a block of any kind is better than none.
+    const bool is_first = &b == &all.front();
+    const bool large = b.work >= block_work * unit_ || options_.points;
+    if (!large || !(fits(b) || (is_first && options_.points)) || !std::isfinite(b.variance)) continue;
+    Found next{base_level, b, *theta, blocks_of(b), 0, 0};
+    next.run_work = next.blocks * b.work;
+    if (next.blocks > most_blocks) continue;
+    next.share = target > 0 ? next.run_work / plain_work : b.variance * b.work / plain.predicted.product();
+    // Beside plain numbers a gain counts as far as it was seen: the best of many blocks is also the luckiest.
+    double believed = b.variance;
+    for (std::size_t k = 0; k < b.log2_counts.size(); ++k) {
+      const NetLevel& level = levels->levels[k];
+      believed += level.variance_of(b.log2_counts[k], doubts) - level.variance_of(b.log2_counts[k]);
+    }
+    if (b.variance > 0) next.share *= believed / b.variance;
+    if (std::isnan(next.share)) next.share = 1;
+    if (!best || (target > 0 ? next.run_work < best->run_work : true)) best = std::move(next);
+  }
+  if (!best) why_ = "the run is too short for 32 blocks of nets";
+  return best;
+}
+
+std::optional<NetPilot::Found> NetPilot::choose(double work, const Plan& plan, const Advice& plain,
+                                                double seconds_left) {
+  constexpr double better = 0.98;   // a deeper base has to bring 2 %
+  constexpr double most_base = 64;  // of the work of the lowest
+  const std::int64_t lowest = std::max(options_.lowest_base, plain.survey.evidence.lowest_base);
+  const std::int64_t first = options_.base_level.value_or(lowest);
+  std::optional<Found> best = from(first, work, plan, plain, seconds_left);
+  if (!best || options_.base_level) return best;
+  for (std::int64_t m = first + 1; m + 2 <= plain.survey.rows.back().level; ++m) {
+    if (runs_.work(m, plan_).first > most_base * unit_) break;
+    std::string why = why_;
+    const std::optional<Found> next = from(m, work, plan, plain, seconds_left);
+    why_ = std::move(why);
+    if (!next || !(next->share < better * best->share)) break;
+    best = next;
+  }
+  return best;
+}
+
+}  // namespace debias

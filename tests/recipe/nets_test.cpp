@@ -1,0 +1,241 @@
+// The recipe's nets: what its pilot measures, the blocks it grows, and when it takes them.
+
+#include <cmath>
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "catch_shim.hpp"
+#include "estimators/sequences.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/pmf/dyadic.hpp>
+#include <debias/recipe.hpp>
+#include <debias/recipe/nets.hpp>
+#include <debias/sde.hpp>
+#include <debias/steady_state.hpp>
+
+using namespace debias;
+using namespace debias::trial;
+
+namespace {
+
+/// I_k = (2 - 2^-k) exp(u + v) / (e - 1)^2, as anyone writes it: E I = 2.
+const auto waves = [](std::int64_t level, Stream& rng) {
+  const double u = rng.uniform();
+  const double v = rng.uniform();
+  const double wave = std::exp(u + v) / std::pow(std::exp(1.0) - 1, 2);
+  const double d = power(0.5, level) * wave;
+  return Draw<double>{(2 - power(0.5, level)) * wave, d, power(2, level) / (level > 0 ? 2 : 1)};
+};
+
+/// The same size and mean, of 64 numbers that all matter as much: a net has nothing to give but what strata have.
+const auto noise = [](std::int64_t level, Stream& rng) {
+  double sum = 0;
+  for (int i = 0; i < 64; ++i) sum += rng.normal();
+  const double x = 1 + std::cos(sum);
+  const double d = power(0.5, level) * x;
+  return Draw<double>{(2 - power(0.5, level)) * x, d, power(2, level) / (level > 0 ? 2 : 1)};
+};
+
+/// Jumps between 2^20 cells of the cube: white for any net of fewer points.
+const auto jumps = [](std::int64_t level, Stream& rng) {
+  const double u = rng.uniform();
+  const double v = rng.uniform();
+  const auto cell = static_cast<std::uint64_t>(u * 0x1p20) * 0x9e3779b97f4a7c15u +
+                    static_cast<std::uint64_t>(v * 0x1p20) * 0xd1342543de82ef95u;
+  const double x = static_cast<double>((cell ^ (cell >> 29)) * 0xbf58476d1ce4e5b9u >> 11) * 0x1p-53 + 0.5;
+  const double d = power(0.5, level) * x;
+  return Draw<double>{(2 - power(0.5, level)) * x, d, power(2, level) / (level > 0 ? 2 : 1)};
+};
+
+const auto european = milstein(GeometricBrownianMotion{.start = 100, .growth = 0.05, .volatility = 0.2},
+                               [](double s) { return std::max(s - 100, 0.0) * std::exp(-0.05); });
+constexpr double call_price = 10.450583572185565;
+
+NetMoments nets_of(const auto& sequence, std::int64_t level, bool as_base, int octaves, std::int64_t nets) {
+  return level_runs(sequence).nets(level, as_base, octaves, {.samples = nets, .seed = 4});
+}
+
+std::vector<NetLevel> model(double beta, double gamma, double lambda, int levels = 30, int octaves = 12) {
+  std::vector<NetLevel> all;
+  for (int k = 0; k < levels; ++k) {
+    NetLevel level{{}, std::exp2(-beta * k), std::exp2(gamma * k)};
+    for (int j = 0; j <= octaves; ++j) level.variance.push_back(level.second_moment * std::exp2(-lambda * j));
+    all.push_back(level);
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("one pass over nets gives the variance of a mean over any power of two of points", "[nets][statistical]") {
+  // Of one point: Var wave = ((e^2 - 1) / 2)^2 / (e - 1)^4 - 1, known to 12 x 1024 points.
+  const double e = std::exp(1.0);
+  const double variance = std::pow((e * e - 1) / 2, 2) / std::pow(e - 1, 4) - 1;
+  const NetMoments m = nets_of(waves, 1, false, 10, 64);
+  REQUIRE(m.variance.size() == 11);
+  CHECK(m.variance.front() == Approx(variance / 4).epsilon(0.02));
+  CHECK(m.second_moment == Approx((variance + 1) / 4).epsilon(0.02));
+  CHECK(m.mean.at(0) == Approx(0.5).epsilon(1e-3));
+  CHECK(m.work == 64 * 1024);
+  for (std::size_t j = 0; j + 1 < m.variance.size(); ++j) CHECK(m.variance[j + 1] <= m.variance[j]);
+  CHECK(m.variance.back() < m.variance.front() / 1024 / 100);
+  // The variance over 2^5 of 2^10 points is that of nets of 2^5.
+  const NetMoments shorter = nets_of(waves, 1, false, 5, 1024);
+  CHECK(m.variance[5] == Approx(shorter.variance[5]).epsilon(0.2));
+  // The base is the value, not the difference.
+  CHECK(nets_of(waves, 1, true, 6, 64).mean.at(0) == Approx(1.5).epsilon(0.01));
+  // What is white for a net falls like 1 / n.
+  const NetMoments white = nets_of(jumps, 1, false, 8, 256);
+  CHECK(white.variance.back() * 256 == Approx(white.variance.front()).epsilon(0.4));
+}
+
+TEST_CASE("batch hooks and a lambda give the pilot the same nets", "[nets][exact]") {
+  const auto alone = [](std::int64_t level, Stream& rng) { return european(level, rng); };
+  for (const bool as_base : {true, false}) {
+    const NetMoments a = nets_of(european, 3, as_base, 7, 6);
+    const NetMoments b = nets_of(alone, 3, as_base, 7, 6);
+    CHECK(a.mean.at(0) == Approx(b.mean.at(0)).epsilon(1e-12));
+    CHECK(a.variance.back() == Approx(b.variance.back()).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("blocks of nets grow to the best that the rates allow", "[nets][exact]") {
+  for (const auto& [beta, gamma, lambda] :
+       {std::array{2.0, 1.0, 1.0}, std::array{2.0, 1.0, 1.6}, std::array{4.0, 1.0, 2.0}, std::array{2.0, 0.0, 2.5}}) {
+    const auto levels = model(beta, gamma, lambda);
+    const double theta = dyadic_exponent({beta, gamma});
+    const double target = 1e-6;
+    const auto blocks = net_blocks(levels, theta, [&](const NetBlock& b) { return b.variance <= target; });
+    const NetBlock& last = blocks.back();
+    CAPTURE(beta, gamma, lambda, last.variance, last.work);
+    CHECK(last.variance <= target);
+    // The head alone, with any real N_k: W^-lambda (sum (V_k c_k^lambda)^(1 / (1 + lambda)))^(1 + lambda) [facts 7.1].
+    double sum = 0;
+    for (const NetLevel& l : levels) sum += std::pow(l.second_moment * std::pow(l.work, lambda), 1 / (1 + lambda));
+    const double bound = std::pow(sum, (1 + lambda) / lambda) * std::pow(last.variance, -1 / lambda);
+    CHECK(last.work < 1.6 * bound);
+    CHECK(last.work > 0.8 * bound);  // a tail with less than a point a level beats N^-lambda there
+    // Each is what the formulas say.
+    double variance = 0;
+    for (std::size_t k = 0; k < last.log2_counts.size(); ++k) {
+      variance += levels[k].variance_of(last.log2_counts[k]);
+    }
+    const double q = std::exp2(-theta);
+    double p = 1 - q;
+    for (std::size_t k = last.log2_counts.size(); k < levels.size(); ++k, p *= q) {
+      variance += levels[k].second_moment / p;
+    }
+    CHECK(last.variance == Approx(variance).epsilon(1e-9));
+    CHECK(last.members() == static_cast<double>(Dyadic(last.log2_counts, theta).block()));
+  }
+}
+
+TEST_CASE("beyond the measured octaves a variance goes on like over the upper half of them", "[nets][exact]") {
+  const NetLevel level{{1, 0.4, 0.1, 0.02, 0.005}, 1, 1};
+  CHECK(level.variance_of(0) == 1);
+  CHECK(level.variance_of(4) == 0.005);
+  const double lambda = std::log2(level.variance_of(5) / level.variance_of(6));
+  CHECK(lambda == Approx(std::log2(0.1 / 0.005) / 2).epsilon(0.05));
+  CHECK(NetLevel{{1, 1}, 1, 1}.variance_of(3) == Approx(0.25));         // never slower than plain numbers
+  CHECK(NetLevel{{1, 1e-9}, 1, 1}.variance_of(2) == Approx(1e-9 / 8));  // nor faster than nets can
+  CHECK(NetLevel{{1, 0}, 1, 1}.variance_of(9) == 0);
+  CHECK_THROWS_AS(net_blocks({}, 1, [](const NetBlock&) { return true; }), std::invalid_argument);
+  // Levels without any variance end the growth.
+  const std::vector<NetLevel> zeros(4, NetLevel{{0, 0}, 0, 1});
+  CHECK(net_blocks(zeros, 1.5, [](const NetBlock&) { return false; }).size() == 1);
+}
+
+TEST_CASE("a recipe takes nets where they help, says so, and runs what its advice names",
+          "[nets][recipe][statistical]") {
+  const auto result = estimate(recipe(european), {.seed = 3, .goal = {.error = 0.005}});
+  const Advice& a = result.advice;
+  REQUIRE(a.points == Points::nets);
+  CHECK(a.base == Base::one_outcome);
+  CHECK(a.pmf.spec().rfind("dyadic:", 0) == 0);
+  CHECK(a.pmf.block() == a.block);
+  CHECK(a.members % a.block == 0);
+  CHECK(a.members / a.block >= 32);
+  CHECK(result.samples == a.members);
+  CHECK(result.blocks == a.members / a.block);
+  CHECK(result.goal.error == 0.005);
+  CHECK(result.pilot_work == a.pilot_work);
+  CHECK(std::abs(result.mean - call_price) < 4.5 * result.standard_error);
+  CHECK(result.standard_error < 1.3 * 0.005);
+  const auto again = estimate(estimator_of(european, a), {.samples = a.members, .seed = 3});
+  CHECK(again.mean == result.mean);
+  std::ostringstream text;
+  text << result;
+  CHECK_THAT(text.str(), Catch::Contains("\npoints        nets: 0."));
+  std::ostringstream advice;
+  advice << a;
+  CHECK_THAT(advice.str(), Catch::Contains("of the work of plain numbers predicted, from 12 nets of each level"));
+}
+
+TEST_CASE("a recipe takes plain numbers where nets do not help, and says why", "[nets][recipe][statistical]") {
+  const auto says = [](const auto& sequence, const Plan& plan, const RecipeOptions& options = {}) {
+    const Advice a = advise(level_runs(sequence), plan, options);
+    return std::string(name_of(a.points)) + ": " + a.why_points;
+  };
+  const Plan plan{.samples = 1 << 18, .seed = 2};
+  CHECK_THAT(says(noise, plan), Catch::StartsWith("plain: nets would take"));
+  CHECK_THAT(says(jumps, plan), Catch::StartsWith("plain: nets would take"));
+  CHECK(says(european, plan, {.points = Points::plain}) == "plain: as asked");
+  CHECK(says(european, plan, {.base = Base::every_sample}) == "plain: the base in every sample was asked for");
+  CHECK_THAT(says(european, {.samples = 1000}), Catch::StartsWith("plain: "));
+  CHECK_THAT(says(european, {.samples = 1000}, {.points = Points::nets}), Catch::StartsWith("nets: as asked"));
+  CHECK_THAT(says(jumps, plan, {.points = Points::nets}), Catch::StartsWith("nets: as asked"));
+}
+
+TEST_CASE("nets that cannot be are refused where they are asked for", "[nets][recipe][exact]") {
+  const RecipeOptions both{.base = Base::every_sample, .points = Points::nets};
+  CHECK_THROWS_WITH(advise(level_runs(european), {}, both), Catch::Contains("Base::every_sample"));
+  // A power of the level has no Dyadic PMF.
+  const auto slow = [](std::int64_t level, Stream& rng) {
+    const double u = 2 * rng.uniform();
+    const auto k = static_cast<double>(level);
+    return Draw<double>{u * (2 - 1 / (k + 1)), level == 0 ? u : u * (1 / k - 1 / (k + 1)), 1};
+  };
+  CHECK_THROWS_WITH(advise(level_runs(slow), {.samples = 1 << 18}, {.points = Points::nets}),
+                    Catch::Contains("a power of the level"));
+  CHECK(advise(level_runs(slow), {.samples = 1 << 18}).points == Points::plain);
+}
+
+TEST_CASE("the pilots of a recipe with nets cost at most a tenth of its run, or 2e4 draws of the base",
+          "[nets][recipe][statistical]") {
+  for (const double error : {0.02, 0.004, 0.001}) {
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const Advice a = advise(level_runs(european), {.seed = seed, .goal = {.error = error}});
+      CAPTURE(error, seed, a.pilot_work, a.predicted.work * static_cast<double>(a.members));
+      const double run = a.predicted.work * static_cast<double>(a.members);
+      // While it is open whether a PMF exists, evidence rules; what it drew for that is the survey's, and as much again for strata.
+      CHECK(a.pilot_work - 2 * a.survey.work <= std::max(2e4, run / 10));
+    }
+  }
+}
+
+TEST_CASE("a goal by nets is met on average over seeds, by honest errors", "[nets][recipe][statistical][stat]") {
+  constexpr int seeds = 60;
+  constexpr double error = 0.01;
+  double squares = 0;
+  double mean = 0;
+  double spread = 0;
+  int covered = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    const auto r = estimate(recipe(european), {.seed = static_cast<std::uint64_t>(seed), .goal = {.error = error}});
+    REQUIRE(r.advice.points == Points::nets);
+    const double off = r.mean - call_price;
+    squares += off * off / seeds;
+    mean += off / seeds;
+    spread += r.standard_error * r.standard_error / seeds;
+    const Interval i = r.interval();
+    covered += i.low <= call_price && call_price <= i.high ? 1 : 0;
+  }
+  CAPTURE(std::sqrt(squares) / error, std::sqrt(spread) / error, mean / error, covered);
+  CHECK(std::sqrt(squares) < 1.3 * error);  // 1.1, known to 9 %
+  CHECK(std::abs(mean) < 4.5 * error / std::sqrt(seeds));
+  CHECK(covered >= 48);  // of 57 expected, with a standard deviation of 1.7
+}
