@@ -1,0 +1,49 @@
+#include <debias/chains/draws.hpp>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include <debias/core/text.hpp>
+
+namespace debias::detail {
+namespace {
+
+constexpr double highest_power = 16;  // of a g that draws with exponential tails can bear
+
+// Sizes at 2^-2 ... 2^10 times `sign`.
+void check_side(const std::vector<double>& sizes, double sign) {
+  const auto point = [&](std::size_t i) { return format("%g", sign * std::ldexp(1.0, static_cast<int>(i) - 2)); };
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    if (std::isnan(sizes[i])) {
+      throw std::invalid_argument(
+          "function_of_mean: g has no value at " + point(i) +
+          " (estimates by coupled chains are signed, whatever the sign of f: a mean of them may "
+          "lie there); take a g of all real numbers");
+    }
+  }
+  const double last = sizes[sizes.size() - 1];
+  const double before = sizes[sizes.size() - 2];
+  const double power = std::isinf(last) ? last : before > 0 ? std::log2(last / before) : 0;
+  if (power > highest_power) {
+    throw std::invalid_argument(
+        "function_of_mean: g grows faster than any power towards " + point(sizes.size() - 1) +
+        " (estimates by coupled chains have tails no lighter than exponential, so that no level has a mean, whatever "
+        "the "
+        "base level); take the power series: taylor_sum(draws_of(chain), g, centre, pmf) asks for moments only");
+  }
+}
+
+}  // namespace
+
+void require_signed(const Probe& probe) {
+  if (std::isinf(probe.at_zero) || std::isnan(probe.at_zero)) {
+    throw std::invalid_argument(
+        "function_of_mean: g has no finite value at 0 (estimates by coupled chains are signed and lie around any point "
+        "with a density, so that no level has a mean, whatever the base level); take a g without a pole");
+  }
+  check_side(probe.below, -1);
+  check_side(probe.above, 1);
+}
+
+}  // namespace debias::detail
