@@ -132,12 +132,10 @@ class KernelOf {
   /// The state is what a step returns: a start of 0 does not make it an integer.
   template <class Point>
   auto begin(Point point) const {
-    if constexpr (std::invocable<const Step&, Point, Stream&>) {
-      using Next = std::invoke_result_t<const Step&, Point, Stream&>;
-      if constexpr (!std::is_void_v<Next>) return std::remove_cvref_t<Next>(std::move(point));
-    }
-    if constexpr (std::is_integral_v<Point> && std::invocable<const Step&, double&, Stream&> &&
-                  !std::invocable<const Step&, Point&, Stream&>) {
+    if constexpr (by_value<Point>) {
+      return std::remove_cvref_t<std::invoke_result_t<const Step&, Point, Stream&>>(std::move(point));
+    } else if constexpr (std::is_integral_v<Point> && std::invocable<const Step&, double&, Stream&> &&
+                         !std::invocable<const Step&, Point&, Stream&>) {
       return static_cast<double>(point);
     } else {
       return point;
@@ -164,6 +162,15 @@ class KernelOf {
   }
 
  private:
+  template <class Point>
+  static constexpr bool by_value = [] {
+    if constexpr (std::invocable<const Step&, Point, Stream&>) {
+      return !std::is_void_v<std::invoke_result_t<const Step&, Point, Stream&>>;
+    } else {
+      return false;
+    }
+  }();
+
   Step step_;
   Coupled coupled_;
 };
