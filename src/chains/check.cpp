@@ -32,13 +32,14 @@ double StepMoments::worst_of(const StepMoments& a, const StepMoments& b, std::in
     const Moments& q = b.sums_[i];
     ++tests;
     const double difference = std::abs(p.mean - q.mean);
+    if (std::isnan(difference)) return difference;
     if (difference == 0) continue;
     const double n = static_cast<double>(p.count);
     // What never varied may have been rare: one case in so many.
     const double error = std::hypot(p.standard_error(), q.standard_error());
     const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(p.mean);
     const double z = difference / std::max({error, rounding, difference / n});
-    if (!(z <= worst)) worst = z;  // a NaN stays
+    worst = std::max(worst, z);
   }
   return worst;
 }

@@ -219,7 +219,7 @@ TEST_CASE("coupled chains have the same bits over threads, shards and extensions
 
 TEST_CASE("the verdict on coupled chains is likely at best, and names the meeting times",
           "[chains][verdict][statistical]") {
-  const auto chain = coupled_chain(random_walk(density, 2.4), start, square, {.burn_in = 10, .length = 100, .lag = 5});
+  const auto chain = coupled_chain(random_walk(density, 2.4), start, square, {.burn_in = 20, .length = 400, .lag = 20});
   const auto r = estimate(chain, {.samples = 20000, .seed = 3});
   const RunVerdict v = r.verdict();
   CHECK(v.variance == Finiteness::finite);
@@ -261,13 +261,13 @@ TEST_CASE("a heavy tail of the meeting times is called, where values alone look 
 }
 
 TEST_CASE("chains that are cut are truncated, and the result says so", "[chains][statistical]") {
-  const ChainOptions o{.burn_in = 0, .length = 4, .lag = 1, .limit = 6};
+  const ChainOptions o{.burn_in = 0, .length = 4, .lag = 1, .limit = 12};
   const auto cut = coupled_chain(Ladder{}, 0, cube, o);
   const auto r = estimate(cut, {.samples = 20000, .seed = 3});
   CHECK_THAT(r.estimator, Catch::Contains("truncated"));
   CHECK(std::abs(r.mean - mean_cube) > 4.5 * r.standard_error);
   CHECK(r.bias_bound.size > std::abs(r.mean - mean_cube));
-  CHECK_THAT(r.bias_bound.sentence, Catch::Contains("had not met at the limit of 6 steps and were cut"));
+  CHECK_THAT(r.bias_bound.sentence, Catch::Contains("had not met at the limit of 12 steps and were cut"));
   CHECK(r.verdict().meeting.cut > 0);
   // A limit that no chain reaches changes no bit.
   ChainOptions far = o;

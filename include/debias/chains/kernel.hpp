@@ -127,7 +127,7 @@ concept ChecksPoints = requires {
 template <class Step, class Coupled>
 class KernelOf {
  public:
-  KernelOf(Step step, Coupled coupled) : step_(std::move(step)), coupled_(std::move(coupled)) {}
+  KernelOf(Step one, Coupled both) : step_(std::move(one)), coupled_(std::move(both)) {}
 
   /// The state is what a step returns: a start of 0 does not make it an integer.
   template <class Point>
