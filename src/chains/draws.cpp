@@ -11,26 +11,27 @@ namespace {
 
 constexpr double highest_power = 16;  // of a g that draws with exponential tails can bear
 
-// Sizes at 2^-2 ... 2^10 times `sign`.
+// Sizes at 2^-2, 2^-1, ... times `sign`.
 void check_side(const std::vector<double>& sizes, double sign) {
   const auto point = [&](std::size_t i) { return format("%g", sign * std::ldexp(1.0, static_cast<int>(i) - 2)); };
+  constexpr std::size_t has_value = 13;  // up to 2^10; beyond, NaN may be what overflow has left
+  double power = 0;
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     if (std::isnan(sizes[i])) {
+      if (i >= has_value) return;
       throw std::invalid_argument(
           "function_of_mean: g has no value at " + point(i) +
           " (estimates by coupled chains are signed, whatever the sign of f: a mean of them may "
           "lie there); take a g of all real numbers");
     }
-  }
-  const double last = sizes[sizes.size() - 1];
-  const double before = sizes[sizes.size() - 2];
-  const double power = std::isinf(last) ? last : before > 0 ? std::log2(last / before) : 0;
-  if (power > highest_power) {
-    throw std::invalid_argument(
-        "function_of_mean: g grows faster than any power towards " + point(sizes.size() - 1) +
-        " (estimates by coupled chains have tails no lighter than exponential, so that no level has a mean, whatever "
-        "the "
-        "base level); take the power series: taylor_sum(draws_of(chain), g, centre, pmf) asks for moments only");
+    const double before = power;
+    power = i > 0 && sizes[i - 1] > 0 ? std::log2(sizes[i] / sizes[i - 1]) : 0;
+    if (std::isinf(sizes[i]) || (power > highest_power && before > highest_power)) {
+      throw std::invalid_argument(
+          "function_of_mean: g grows faster than any power towards " + point(i) +
+          " (estimates by coupled chains have tails no lighter than exponential, so that no level has a mean, whatever "
+          "the base level); take the power series: taylor_sum(draws_of(chain), g, centre, pmf) asks for moments only");
+    }
   }
 }
 

@@ -60,13 +60,17 @@ TEST_CASE("functions that signed draws have no mean under are refused, with the 
   CHECK_THROWS_WITH(of(functions::Reciprocal{}), Catch::Contains("g has no finite value at 0"));
   CHECK_THROWS_WITH(of(functions::Sqrt{}), Catch::Contains("g has no value at -0.25") && Catch::Contains("signed"));
   CHECK_THROWS_WITH(of(functions::ExpMinus{}),
-                    Catch::Contains("faster than any power towards -1024") && Catch::Contains("taylor_sum"));
-  CHECK_THROWS_WITH(of(functions::Exp{}), Catch::Contains("faster than any power towards 1024"));
+                    Catch::Contains("faster than any power towards -") && Catch::Contains("taylor_sum"));
+  CHECK_THROWS_WITH(of(functions::Exp{}), Catch::Contains("faster than any power towards 1"));
   // lambdas that nobody has named
   CHECK_THROWS_WITH(of([](double m) { return std::pow(m, 1.5); }), Catch::Contains("no value"));
   CHECK_THROWS_WITH(of([](double m) { return std::cosh(m / 50); }), Catch::Contains("faster than any power"));
   CHECK_THROWS_WITH(of([](double m) { return std::log(std::abs(m)); }), Catch::Contains("no finite value at 0"));
+  CHECK_THROWS_WITH(of([](double m) { return std::exp(-1e-6 * m); }),
+                    Catch::Contains("faster than any power towards -"));
   CHECK_NOTHROW(of([](double m) { return m * m * m - 2 * m; }));
+  CHECK_NOTHROW(of([](double m) { return m + 1e-30 * std::pow(m, 12); }));
+  CHECK_NOTHROW(of([](double m) { return 1 / (1 + std::exp(-m)); }));
   CHECK_NOTHROW(of([](double m) { return std::exp(-m * m); }));
   CHECK_NOTHROW(of([](double m) { return std::sqrt(1 + m * m); }));
   CHECK_NOTHROW(of([](double m) { return std::atan(m); }));

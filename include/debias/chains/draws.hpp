@@ -9,7 +9,7 @@
 // +-2^j, j = -2 ... 10, and at 0:
 //   no value            log, square root: NaN below 0
 //   a pole              1/x: draws, and means of any number of them, lie around 0 with a density: no level has a mean
-//   faster than powers  exp(-x): a chain may stay where f is large as long as it does not meet; no level has a mean
+//   faster than powers  exp(-x), up to +-2^40: a chain may stay where f is large as long as it does not meet; no level has a mean
 // What is left has a mean where f has moments enough. For exp, take the power series, which asks for products of draws and
 // not for exp of one: taylor_sum(draws_of(chain), functions::ExpMinus{}, centre, pmf). Fails where a pole, or what grows too
 // fast, lies between the points looked at; a draw of work counts as 1.
@@ -54,7 +54,7 @@ ChainDraws<K, Start, F> draws_of(CoupledChain<K, Start, F> chain) {
 
 namespace detail {
 
-/// g at 0, +-1/4, ... +-1024, by size: `below` and `above` in that order from -1/4 and 1/4 on. NaN: no value.
+/// g at 0, +-1/4, ... +-2^40, by size: `below` and `above` in that order from -1/4 and 1/4 on. NaN: no value.
 struct Probe {
   double at_zero = 0;
   std::vector<double> below;
@@ -79,7 +79,7 @@ void probe_signed(const G& g, const M& shape) {
     };
     Probe probe;
     probe.at_zero = size_at(0);
-    for (int j = -2; j <= 10; ++j) {
+    for (int j = -2; j <= 40; ++j) {
       probe.below.push_back(size_at(-std::ldexp(1.0, j)));
       probe.above.push_back(size_at(std::ldexp(1.0, j)));
     }
