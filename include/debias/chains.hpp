@@ -4,6 +4,7 @@
 //
 //   chains/coupled_chain.hpp  the estimator          chains/kernel.hpp      kernels of one's own
 //   chains/metropolis.hpp     random walk, Langevin  chains/gibbs.hpp       normal, Bernoulli and gamma conditionals
+//   chains/hamiltonian.hpp    Hamiltonian steps
 //   chains/mixture.hpp        mixtures of kernels    chains/check.hpp       is a coupling one?
 //   chains/advise.hpp         how long, by a pilot   chains/draws.hpp       functions of such expectations
 //
@@ -15,6 +16,7 @@
 #include <debias/chains/coupled_chain.hpp>
 #include <debias/chains/draws.hpp>
 #include <debias/chains/gibbs.hpp>
+#include <debias/chains/hamiltonian.hpp>
 #include <debias/chains/kernel.hpp>
 #include <debias/chains/metropolis.hpp>
 #include <debias/chains/mixture.hpp>

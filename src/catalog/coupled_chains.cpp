@@ -1,5 +1,6 @@
 // Expectations by chains that meet. Level j of the sequence starts j lags further in the past; coupled_chain adds all of them.
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -7,6 +8,7 @@
 
 #include <debias/chains.hpp>
 #include <debias/estimators/roulette.hpp>
+#include <debias/functions.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/series.hpp>
 #include <debias/taylor.hpp>
@@ -88,8 +90,8 @@ class ChainLevels {
 
 // The levels declare their rates; the whole estimator is a method of its own.
 template <class K, class Start, class F>
-Problem chains(Facts facts, const K& kernel, const Start& start, const F& f, const ChainOptions& options,
-               const ChainOptions& of_levels, const Rates& rates) {
+Problem chains(Facts facts, K kernel, Start start, F f, const ChainOptions& options, const ChainOptions& of_levels,
+               const Rates& rates) {
   Problem p = make(std::move(facts), ChainLevels<K, Start, F>(kernel, start, f, of_levels, rates));
   add(p, {"coupled_chain", "two chains that meet, with all their levels"}, coupled_chain(kernel, start, f, options));
   return p;

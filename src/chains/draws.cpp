@@ -11,6 +11,13 @@ namespace {
 
 constexpr double highest_power = 16;  // of a g that draws with exponential tails can bear
 
+[[noreturn]] void refuse_pole(const std::string& where) {
+  throw std::invalid_argument(
+      "function_of_mean: g has no finite value at " + where +
+      " (estimates by coupled chains are signed and lie around any point with a density, so that "
+      "no level has a mean, whatever the base level); take a g without a pole");
+}
+
 // Sizes at 2^-2, 2^-1, ... times `sign`.
 void check_side(const std::vector<double>& sizes, double sign) {
   const auto point = [&](std::size_t i) { return format("%g", sign * std::ldexp(1.0, static_cast<int>(i) - 2)); };
@@ -26,6 +33,7 @@ void check_side(const std::vector<double>& sizes, double sign) {
     }
     const double before = power;
     power = i > 0 && sizes[i - 1] > 0 ? std::log2(sizes[i] / sizes[i - 1]) : 0;
+    if (std::isinf(sizes[i]) && before <= highest_power && i < has_value) refuse_pole(point(i));
     if (std::isinf(sizes[i]) || (power > highest_power && before > highest_power)) {
       throw std::invalid_argument(
           "function_of_mean: g grows faster than any power towards " + point(i) +
@@ -38,11 +46,7 @@ void check_side(const std::vector<double>& sizes, double sign) {
 }  // namespace
 
 void require_signed(const Probe& probe) {
-  if (std::isinf(probe.at_zero) || std::isnan(probe.at_zero)) {
-    throw std::invalid_argument(
-        "function_of_mean: g has no finite value at 0 (estimates by coupled chains are signed and lie around any point "
-        "with a density, so that no level has a mean, whatever the base level); take a g without a pole");
-  }
+  if (!std::isfinite(probe.at_zero)) refuse_pole("0");
   check_side(probe.below, -1);
   check_side(probe.above, 1);
 }

@@ -66,6 +66,14 @@ TEST_CASE("K01: chains of the advised length cost at most 1.35 of a plain long c
   check_inefficiency(random_walk(density, 2.4), wide, square, 4000);
 }
 
+TEST_CASE("K01: Hamiltonian steps with a random walk, and Langevin steps, cost at most 1.35 of their plain chains",
+          "[chains][advise][stat]") {
+  const auto slope = [](double x) { return -x; };
+  check_inefficiency(mixture({0.9, 0.1}, hamiltonian(density, slope, 0.4, 3), random_walk(density, 0.5)), wide, square,
+                     4000);
+  check_inefficiency(mala(density, slope, 1.4), wide, square, 4000);
+}
+
 TEST_CASE("K02: chains of the advised length cost at most 1.35 of a plain long chain", "[chains][advise][stat]") {
   const auto given = [](std::size_t i, const Pair& x) { return NormalLaw{0.9 * x[1 - i], 0.4358898943540674}; };
   const auto start = [](Stream& rng) {

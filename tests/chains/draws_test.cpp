@@ -61,7 +61,7 @@ TEST_CASE("functions that signed draws have no mean under are refused, with the 
   CHECK_THROWS_WITH(of(functions::Sqrt{}), Catch::Contains("g has no value at -0.25") && Catch::Contains("signed"));
   CHECK_THROWS_WITH(of(functions::ExpMinus{}),
                     Catch::Contains("faster than any power towards -") && Catch::Contains("taylor_sum"));
-  CHECK_THROWS_WITH(of(functions::Exp{}), Catch::Contains("faster than any power towards 1"));
+  CHECK_THROWS_WITH(of(functions::Exp{}), Catch::Contains("faster than any power towards 64"));
   // lambdas that nobody has named
   CHECK_THROWS_WITH(of([](double m) { return std::pow(m, 1.5); }), Catch::Contains("no value"));
   CHECK_THROWS_WITH(of([](double m) { return std::cosh(m / 50); }), Catch::Contains("faster than any power"));
@@ -79,7 +79,7 @@ TEST_CASE("functions that signed draws have no mean under are refused, with the 
   const auto pair = draws_of(coupled_chain(random_walk(density, 2.4), wide, two, {.burn_in = 5, .length = 40}));
   CHECK_NOTHROW(function_of_mean(pair, [](const Eigen::Array2d& m) { return m[1] - m[0] * m[0]; }));
   CHECK_THROWS_WITH(function_of_mean(pair, [](const Eigen::Array2d& m) { return std::log(1 + m[1]); }),
-                    Catch::Contains("no value"));
+                    Catch::Contains("no finite value at -1"));
   const auto variance =
       estimate(single_term(function_of_mean(pair, [](const Eigen::Array2d& m) { return m[1] - m[0] * m[0]; })),
                {.samples = 20000, .seed = 3});

@@ -104,6 +104,8 @@ TEST_CASE("every kernel of the house keeps the marginals of its coupling, and st
       mixture({1, 2, 3}, random_walk(density, 2.4), mala(density, slope, 1.0), random_walk(density, 0.5)), places,
       itself));
   good(check_coupling(gibbs(given), std::vector<Pair>{{0, 0}, {1, 1.5}, {-2, 0}}, both));
+  const auto mixed = mixture({0.8, 0.2}, hamiltonian(density, slope, 0.7, 2), random_walk(density, 0.5));
+  good(check_coupling(mixed, places, itself));
   const auto two = [](const Pair& x) { return -0.5 * (x[0] * x[0] + x[1] * x[1] + x[0] * x[1]); };
   const auto slopes = [](const Pair& x) { return Pair{-x[0] - 0.5 * x[1], -x[1] - 0.5 * x[0]}; };
   good(check_coupling(random_walk(two, 1.2), std::vector<Pair>{{0, 0}, {1, 1.5}, {-2, 0}}, both));
@@ -138,8 +140,10 @@ TEST_CASE("a step of each kernel leaves its law invariant, and a wrong density d
   for (const auto& f : {+square, +fourth}) {
     CHECK(change_by_a_step(random_walk(density, 2.4), normal, f) < 5);
     CHECK(change_by_a_step(mala(density, slope, 1.3), normal, f) < 5);
+    CHECK(change_by_a_step(hamiltonian(density, slope, 0.9, 2), normal, f) < 5);
     CHECK(change_by_a_step(mixture({0.5, 0.5}, random_walk(density, 2.4), mala(density, slope, 1.3)), normal, f) < 5);
     const auto wrong = [](double x) { return -0.55 * x * x; };
+    CHECK(change_by_a_step(hamiltonian(wrong, slope, 0.9, 2), normal, f) > 5);
     CHECK(change_by_a_step(random_walk(wrong, 2.4), normal, f) > 5);
     CHECK(change_by_a_step(mala(wrong, slope, 1.3), normal, f) > 5);
   }
@@ -212,7 +216,9 @@ TEST_CASE("kernels refuse what is no step, no density and no law", "[chains][exa
   for (const double h : {0.0, -1.0, nan, std::numeric_limits<double>::infinity()}) {
     CHECK_THROWS_AS(random_walk(density, h), std::invalid_argument);
     CHECK_THROWS_AS(mala(density, slope, h), std::invalid_argument);
+    CHECK_THROWS_AS(hamiltonian(density, slope, h, 3), std::invalid_argument);
   }
+  CHECK_THROWS_WITH(hamiltonian(density, slope, 0.5, 0), Catch::Contains("steps = 0"));
   CHECK_THROWS_WITH(mixture({0.5, 0.0}, random_walk(density, 1), random_walk(density, 2)),
                     Catch::Contains("a weight of 0"));
   const auto half = [](double x) { return x > 0 ? -x : -std::numeric_limits<double>::infinity(); };

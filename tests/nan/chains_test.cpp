@@ -54,6 +54,13 @@ TEST_CASE("coupled_chain shows what its callables return that is no number", "[n
         coupled_chain(mixture({0.5, 0.5}, random_walk(bad_density, 2.4), random_walk(density, 1.0)), 1.0, itself,
                       options),
         Infinity::has_a_limit);
+  const auto with_walk = [](const auto& other) {
+    return coupled_chain(mixture({0.5, 0.5}, other, random_walk(density, 1.0)), 1.0, itself, options);
+  };
+  check("hamiltonian", "log_density", with_walk(hamiltonian(bad_density, slope, 0.7, 2)), Infinity::has_a_limit);
+  check("hamiltonian", "gradient",
+        with_walk(hamiltonian(
+            density, [](double x) { return bad(-x); }, 0.7, 2)));
   const auto given = [](std::size_t, const std::array<double, 1>& x) { return NormalLaw{bad(0.5 * x[0]), 1}; };
   check("gibbs", "conditional",
         coupled_chain(
