@@ -166,9 +166,12 @@ const std::vector<Problem>& problems() {
       bernoulli_convolution(),
       cantor_law(),
       dickman_law(),
-      // M: deterministic limits
+      // M: deterministic limits, and matrices of known determinant
       newton_sqrt(),
       archimedes_pi(),
+      log_determinant_of_chain(),
+      log_determinant_of_grid(),
+      log_determinant_of_kernel(),
   };
   return table;
 }

@@ -99,5 +99,9 @@ Problem dickman_law();
 // M: deterministic limits (limits.cpp)
 Problem newton_sqrt();
 Problem archimedes_pi();
+// and matrices of known determinant (operators.cpp)
+Problem log_determinant_of_chain();
+Problem log_determinant_of_grid();
+Problem log_determinant_of_kernel();
 
 }  // namespace debias::catalog

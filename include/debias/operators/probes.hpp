@@ -18,7 +18,8 @@
 // each; HutchPlusPlus m (K + K / 2) products once, K the degree of f to rounding, and 4 m n operations a probe. Its Q comes from a
 // stream of its own, the same in every sample, and is independent of the probes: no bias. The complement is probed by
 // normal numbers scaled to their mean length (Epperly, Tropp & Webber 2024), so that a multiple of the identity in f(A) has
-// no variance there either; moments over Q end where the coefficients are 1e-17 of the largest one.
+// no variance there either, and one probe of the setup is taken from each term, so that little is left for the roulette;
+// the share of Q ends where the coefficients are 1e-17 of the largest one.
 
 #include <algorithm>
 #include <cmath>
@@ -89,11 +90,13 @@ class Recurrence {
 };
 
 /// Probes that are ready to draw. `columns()` vectors a probe, whose outer products sum to the identity in the mean, but for
-/// a part of it with known moments: `offset(k)`.
+/// a part whose share of tr f(A) is known. `centre(k)`: a number to be taken from z^T T_k z before the roulette; `total()`:
+/// what that share and all centres add up to. Any centres leave the mean as it is; good ones make terms small.
 struct ReadySigns {
   [[nodiscard]] static std::size_t columns() { return 1; }
   static void draw(std::span<double> z, Stream& rng) { fill_signs(z, rng); }
-  [[nodiscard]] static double offset(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double centre(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double total() { return 0; }
 };
 
 struct ReadyUnits {
@@ -103,7 +106,8 @@ struct ReadyUnits {
     std::fill(z.begin(), z.end(), 0.0);
     z[std::min(z.size() - 1, static_cast<std::size_t>(rng.uniform() * n))] = std::sqrt(n);
   }
-  [[nodiscard]] static double offset(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double centre(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double total() { return 0; }
 };
 
 struct ReadyColours {
@@ -122,13 +126,15 @@ struct ReadyColours {
       }
     }
   }
-  [[nodiscard]] static double offset(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double centre(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double total() { return 0; }
 };
 
 struct ReadyComplement {
-  std::shared_ptr<const std::vector<double>> basis;    // of Q, vector by vector
-  std::shared_ptr<const std::vector<double>> moments;  // sum of q^T T_k(A) q
   std::size_t rows;
+  std::shared_ptr<const std::vector<double>> basis;    // of Q, vector by vector
+  std::shared_ptr<const std::vector<double>> centres;  // of the complement, by a probe of the setup
+  double sum = 0;
 
   [[nodiscard]] static std::size_t columns() { return 1; }
   void draw(std::span<double> z, Stream& rng) const {
@@ -142,9 +148,10 @@ struct ReadyComplement {
     const double factor = std::sqrt(static_cast<double>(rows - size) / dot(z, z));
     for (double& x : z) x *= factor;
   }
-  [[nodiscard]] double offset(std::int64_t degree) const {
-    return static_cast<std::size_t>(degree) < moments->size() ? (*moments)[static_cast<std::size_t>(degree)] : 0;
+  [[nodiscard]] double centre(std::int64_t degree) const {
+    return static_cast<std::size_t>(degree) < centres->size() ? (*centres)[static_cast<std::size_t>(degree)] : 0;
   }
+  [[nodiscard]] double total() const { return sum; }
 };
 
 template <SymmetricOperator A>
@@ -232,10 +239,9 @@ ReadyComplement ready(const char* name, const HutchPlusPlus& probes, const Recur
   }
   orthonormalise(basis, n);
 
-  std::vector<double> moments(static_cast<std::size_t>(c.degree_below(1e-17)) + 3);
-  for (std::size_t k = 0; k < basis.size() / n; ++k) {
-    previous.assign(basis.begin() + static_cast<std::ptrdiff_t>(k * n),
-                    basis.begin() + static_cast<std::ptrdiff_t>((k + 1) * n));
+  // z^T T_k z of one vector, added to those there are.
+  const auto add_moments = [&](std::span<const double> z, std::vector<double>& moments) {
+    previous.assign(z.begin(), z.end());
     std::fill(current.begin(), current.end(), 0.0);
     const double zeroth = dot(previous, previous);
     StepProducts step = a.first(previous, current, scratch);
@@ -248,12 +254,20 @@ ReadyComplement ready(const char* name, const HutchPlusPlus& probes, const Recur
       step = a.next(current, previous, scratch);
       previous.swap(current);
     }
+  };
+  std::vector<double> of_space(static_cast<std::size_t>(c.degree_below(1e-17)) + 1);
+  for (std::size_t k = 0; k < basis.size() / n; ++k) add_moments(std::span(basis).subspan(k * n, n), of_space);
+  ReadyComplement ready{n, std::make_shared<const std::vector<double>>(std::move(basis)), nullptr};
+  Stream rng = split(Stream(0, 7), Branch::pilot);
+  ready.draw(x, rng);
+  std::vector<double> centres(static_cast<std::size_t>(c.degree_below(1e-4)) + 1);
+  add_moments(x, centres);
+  for (std::size_t k = of_space.size(); k-- > 0;) {
+    ready.sum += c(static_cast<std::int64_t>(k)) * (of_space[k] + (k < centres.size() ? centres[k] : 0));
   }
-  for (const double m : moments) {
-    if (!std::isfinite(m)) refuse_operator(name, "HutchPlusPlus: A times a finite vector is not finite");
-  }
-  return {std::make_shared<const std::vector<double>>(std::move(basis)),
-          std::make_shared<const std::vector<double>>(std::move(moments)), n};
+  if (!std::isfinite(ready.sum)) refuse_operator(name, "HutchPlusPlus: A times a finite vector is not finite");
+  ready.centres = std::make_shared<const std::vector<double>>(std::move(centres));
+  return ready;
 }
 
 }  // namespace detail

@@ -63,7 +63,8 @@ struct ReadyVector {
 
   [[nodiscard]] static std::size_t columns() { return 1; }
   void draw(std::span<double> z, Stream& /*rng*/) const { std::copy(vector->begin(), vector->end(), z.begin()); }
-  [[nodiscard]] static double offset(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double centre(std::int64_t /*degree*/) { return 0; }
+  [[nodiscard]] static double total() { return 0; }
 };
 
 /// T_k z and T_(k-1) z of all columns of a probe.
@@ -134,7 +135,7 @@ class QuadraticTerms {
       const double work = static_cast<double>(t.probes_.columns());
       const std::int64_t odd = 2 * path_.degree() + 1;
       if (t.series_.last() && odd > *t.series_.last() && odd > 1) return {0, work};  // nothing can follow
-      double value = path_.degree() == 0 ? term(0, path_.zeroth_moment()) : 0;
+      double value = path_.degree() == 0 ? t.probes_.total() + term(0, path_.zeroth_moment()) : 0;
       path_.advance();
       value += term(odd, path_.odd_moment());
       value += term(odd + 1, path_.even_moment());
@@ -143,7 +144,7 @@ class QuadraticTerms {
 
    private:
     [[nodiscard]] double term(std::int64_t degree, double moment) const {
-      return terms_->series_(degree) * (moment + terms_->probes_.offset(degree));
+      return terms_->series_(degree) * (moment - terms_->probes_.centre(degree));
     }
 
     const QuadraticTerms* terms_;
