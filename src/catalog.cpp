@@ -172,9 +172,12 @@ const std::vector<Problem>& problems() {
       chain_modes(),
       chain_ising(),
       exp_of_chain(),
-      // M: deterministic limits
+      // M: deterministic limits, and matrices of known determinant
       newton_sqrt(),
       archimedes_pi(),
+      log_determinant_of_chain(),
+      log_determinant_of_grid(),
+      log_determinant_of_kernel(),
   };
   return table;
 }

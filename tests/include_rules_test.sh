@@ -21,6 +21,7 @@ may_include() {
     functions | functions/*) echo "$no_runner|functions/.*" ;;
     derivative | derivative/*) echo "$no_runner|derivative/.*" ;;
     linear_operators) echo "$no_runner|series" ;;
+    operators | operators/*) echo "$no_runner|linear_operators|functions/elementary|operators/.*" ;;
     sde | sde/*) echo "$no_runner|core/points|sde|sde/.*" ;;
     nested) echo "$no_runner|function_of_mean" ;;
     chains | chains/*) echo "$no_runner|core/report|chains/.*|function_of_mean|statistics/(evidence|meeting)" ;;

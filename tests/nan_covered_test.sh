@@ -6,7 +6,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 
 # Functions that take no callable and draw nothing, by what they take.
 no_callable='
- values:      as_scalar component component_count difference epsilon_of has_nan is_finite lopsided nan_like scaled
+ values:      as_scalar component component_count difference epsilon_of gradient_covariance has_nan is_finite lopsided nan_like scaled
               set_component sum zero_like
  streams:     fill instructions normal_quantile normal_quantiles search_tails split split_level exp expm1 log log1p sin
  nets:        net_bits net_bits_of_pair net_uniforms point_key

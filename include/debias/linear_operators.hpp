@@ -265,8 +265,8 @@ requires(!MatrixFree<A>) auto neumann_walk(const A& a, Eigen::VectorXd b, const 
 /// tr f(A) for f(x) = sum_k coefficient(k) x^k, which converges for |x| < `radius_of_convergence` (may be
 /// infinite). Term k is coefficient(k) z^T A^k z with one vector z of random signs for the path.
 /// Throws std::invalid_argument when the estimated spectral radius of A is not below it.
-template <LinearOperator A, class Coefficient>
-auto trace_of_function(A a, Coefficient coefficient, double radius_of_convergence) {
+template <LinearOperator A, class Coefficient, std::convertible_to<double> Radius>  // not {}: those are SpectrumBounds
+auto trace_of_function(A a, Coefficient coefficient, Radius radius_of_convergence) {
   detail::check_square("trace_of_function", a, a.rows());
   const double radius =
       detail::radius_below("trace_of_function", a, radius_of_convergence, "the series diverges: scale the operator");

@@ -34,6 +34,7 @@
 #include <debias/estimators/stratified.hpp>
 #include <debias/pmf/any.hpp>
 #include <debias/recipe/model.hpp>
+#include <debias/recipe/terms.hpp>
 #include <debias/survey.hpp>
 
 namespace debias {
@@ -159,7 +160,9 @@ RecipeResult<sequence_value_t<S>> estimate(const Recipe<S>& recipe, const Plan& 
 }
 
 template <class S>
-requires(!BiasedSequence<S>) auto recipe(const S& /*sequence*/, const RecipeOptions& /*options*/ = {}) {
+requires(!BiasedSequence<S> &&
+         !(TermSequence<S> && DeclaresRates<S>)) auto recipe(const S& /*sequence*/,
+                                                             const RecipeOptions& /*options*/ = {}) {
   return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 

@@ -106,5 +106,9 @@ Problem exp_of_chain();
 // M: deterministic limits (limits.cpp)
 Problem newton_sqrt();
 Problem archimedes_pi();
+// and matrices of known determinant (operators.cpp)
+Problem log_determinant_of_chain();
+Problem log_determinant_of_grid();
+Problem log_determinant_of_kernel();
 
 }  // namespace debias::catalog

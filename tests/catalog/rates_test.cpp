@@ -24,7 +24,7 @@ struct Stated {
 };
 
 // Not here: rates without a power of two (B01, B04, B14, B17, D07, D09, H02, M01), those that a logarithm or
-// 1 / k hides at ten levels (B15, D08, D17, D18), and E05, whose kurtosis of 1000 hides it.
+// 1 / k hides at ten levels (B15, D08, D17, D18, M08, M09, M10), and E05, whose kurtosis of 1000 hides it.
 const std::vector<Stated> stated = {
     {"A01", 2, 1},     {"A03", 2, 1},     {"A06", 2, 1},     {"A07", 2, 1},     {"A09", 2, 1},   {"A10", 2, 1},
     {"A11", 2, 1},     {"A12", 2, 1},     {"A13", 2, 1},     {"A18", 2, 1},     {"A19", 1.5, 1}, {"A20", 2, 1},

@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <vector>
 
 #include <boost/math/constants/constants.hpp>
 #include <boost/math/special_functions/erf.hpp>
@@ -78,6 +79,37 @@ Exact ising_energy() {
     weighted += weight * energy;
   }
   return weighted / sum;
+}
+
+// log det of tridiagonal(-1, 2 + s, -1).
+Exact chain(int n, const Exact& s) {
+  const Exact t = 2 * asinh(Exact(sqrt(s) / 2));
+  return (n + 1) * t + log(Exact(1 - exp(Exact(-2 * (n + 1) * t)))) - log(Exact(2 * sinh(t)));
+}
+
+// log det of a symmetric band matrix with equal entries along each diagonal, by Cholesky without roots.
+Exact band(int n, const std::vector<Exact>& entries) {
+  const int width = static_cast<int>(entries.size()) - 1;
+  std::vector<std::vector<Exact>> lower(static_cast<std::size_t>(n), std::vector<Exact>(entries.size()));
+  std::vector<Exact> pivots(static_cast<std::size_t>(n));
+  const auto at = [&](int i, int j) -> Exact& {
+    return lower[static_cast<std::size_t>(i)][static_cast<std::size_t>(i - j)];
+  };
+  Exact sum = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = std::max(0, i - width); j <= i; ++j) {
+      Exact v = entries[static_cast<std::size_t>(i - j)];
+      for (int k = std::max(0, i - width); k < j; ++k) v -= at(i, k) * at(j, k) * pivots[static_cast<std::size_t>(k)];
+      if (j < i) {
+        at(i, j) = v / pivots[static_cast<std::size_t>(j)];
+      } else {
+        at(i, i) = 1;
+        pivots[static_cast<std::size_t>(i)] = v;
+        sum += log(v);
+      }
+    }
+  }
+  return sum;
 }
 
 std::map<std::string, Exact> formulas() {
@@ -168,7 +200,13 @@ std::map<std::string, Exact> formulas() {
                                       {"K04", ising_energy()},
                                       {"K05", 1 / e},
                                       {"M01", sqrt(Exact(2))},
-                                      {"M02", pi}};
+                                      {"M02", pi},
+                                      {"M08", chain(1000, Exact(4) / 999)}};
+  Exact grid = 0;
+  for (int k = 1; k <= 20; ++k) grid += chain(20, Exact(number("2.1") - 2 * cos(Exact(pi * k / 21))));
+  all["M09"] = grid;
+  const auto kernel = [](int d) { return Exact(pow(1 - Exact(d) / 4, 4) * (1 + d)); };
+  all["M10"] = band(500, {kernel(0) + one / 64, kernel(1), kernel(2), kernel(3)});
   int id = 21;
   for (int medium = 0; medium < 3; ++medium) {
     for (const int tau : {1, 4, 16}) all["B" + std::to_string(id++)] = exp(Exact(-tau));

@@ -10,17 +10,20 @@
 #include <cstdint>
 #include <cstdlib>
 #include <new>
+#include <span>
 #include <vector>
 
 #include <malloc.h>
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/function_of_mean.hpp>
+#include <debias/operators.hpp>
 #include <debias/pmf/geometric.hpp>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -120,6 +123,40 @@ TEST_CASE("a million scalar samples allocate by the chunk, not by the sample, in
     return on_the_heap[0];
   };
   CHECK_FALSE(heap_use(allocating, 1'000'000).calls < 8000);
+}
+
+TEST_CASE("a term of an operator allocates nothing, a probe its vectors", "[operators][exact]") {
+  const auto chain = symmetric_operator(100, [](std::span<const double> x, std::span<double> y) {
+    for (std::size_t i = 0; i < 100; ++i) y[i] = 2.5 * x[i] - (i > 0 ? x[i - 1] : 0) - (i < 99 ? x[i + 1] : 0);
+  });
+  const Eigen::SparseMatrix<double> identity = Eigen::MatrixXd::Identity(100, 100).sparseView();
+  const auto count = [](const auto& terms) {
+    Stream rng(1, 1);
+    const std::int64_t before = calls;
+    auto cursor = terms(rng);
+    const std::int64_t drawn = calls;
+    double sum = 0;
+    for (int k = 0; k < 50; ++k) sum += component(cursor().value, 0);
+    CHECK(std::isfinite(sum));
+    CHECK(calls == drawn);
+    return drawn - before;
+  };
+  const Eigen::VectorXd b = Eigen::VectorXd::Ones(100);
+  CHECK(count(log_determinant_spd(chain, {.lower = 0.5})) == 3);
+  CHECK(count(log_determinant_spd(identity, {.lower = 0.5})) == 2);
+  CHECK(count(solve(chain, b, b, {.lower = 0.5})) == 3);
+  CHECK(count(log_determinant_gradient(chain, {.lower = 0.5}, RandomSigns{}, identity)) == 4);
+  // power check: an operator that makes a vector does so in every term
+  const auto making = symmetric_operator(100, [](std::span<const double> x, std::span<double> y) {
+    const std::vector<double> copy(x.begin(), x.end());
+    for (std::size_t i = 0; i < 100; ++i) y[i] = 2 * copy[i];
+  });
+  const auto returning = log_determinant_spd(making, {.lower = 1});
+  Stream rng(1, 1);
+  auto cursor = returning(rng);
+  const std::int64_t before = calls;
+  cursor();
+  CHECK(calls > before);
 }
 
 #endif

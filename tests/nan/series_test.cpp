@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <span>
 #include <stdexcept>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include <debias/functions.hpp>
 #include <debias/linear_operators.hpp>
 #include <debias/multilevel.hpp>
+#include <debias/operators.hpp>
 #include <debias/pmf/bhanot_kennedy.hpp>
 #include <debias/pmf/poisson.hpp>
 #include <debias/pmf/radius.hpp>
@@ -133,6 +135,42 @@ TEST_CASE("no series of an operator hides a NaN or an infinity of it", "[nan][ex
     CHECK_THROWS_AS(log_determinant(matrix), std::invalid_argument);
     CHECK_THROWS_AS(trace_of_function(a, power_of_half, poison == poisons[1] ? -1.0 : poison), std::invalid_argument);
   }
+}
+
+TEST_CASE("no series of a symmetric operator hides a NaN or an infinity of it", "[nan][exact]") {
+  const auto bad_operator = symmetric_operator(3, [](std::span<const double> x, std::span<double> y) {
+    for (std::size_t i = 0; i < 3; ++i) y[i] = 0.5 * x[i];
+    y[1] = bad(y[1]);
+  });
+  const SpectrumBounds bounds{.lower = 0.4, .upper = 0.6};
+  const Eigen::VectorXd b = Eigen::VectorXd::Ones(3);
+  const Eigen::VectorXd c = Eigen::VectorXd::Unit(3, 0);  // does not see the component that is wrong
+  const auto mine = [](double x) { return std::cos(x) / (x + 1); };
+  covers("symmetric_operator", "f(x, y)");
+  check_terms("log_determinant_spd", "apply", log_determinant_spd(bad_operator, bounds));
+  check_terms("log_determinant_spd", "apply", log_determinant_spd(bad_operator, bounds, HutchPlusPlus{.vectors = 1}));
+  check_terms("trace_of_function", "apply",
+              trace_of_function(bad_operator, functions::Sqrt{}, bounds, Colours{{0, 1, 0}}));
+  check_terms("trace_of_function", "apply", trace_of_function(bad_operator, mine, bounds));
+  check_terms("quadratic_form", "apply", quadratic_form(bad_operator, functions::Exp{}, c, bounds));
+  check_terms("solve", "apply", solve(bad_operator, b, c, bounds));
+  const auto gradient = log_determinant_gradient(bad_operator, bounds, RandomSigns{}, bad_operator);
+  check("log_determinant_gradient", "apply", roulette(gradient, Geometric(0.4)));
+  check("log_determinant_gradient", "apply", roulette(gradient, Geometric(0.4), {.base_level = 2}));
+  check_run("split_work", "apply",
+            [&] { return split_work(log_determinant_spd(bad_operator, bounds), {.paths = 64}).stopping_variance; });
+  for (const double poison : poisons) {
+    const auto f = [poison](double x) { return x < 0.5 ? poison : x; };
+    CHECK_THROWS_AS(trace_of_function(bad_operator, f, bounds), std::invalid_argument);
+    CHECK_THROWS_AS(quadratic_form(bad_operator, f, b, bounds), std::invalid_argument);
+    const auto wrong = symmetric_operator(3, [poison](std::span<const double> x, std::span<double> y) {
+      for (std::size_t i = 0; i < 3; ++i) y[i] = i == 1 ? poison : 0.5 * x[i];
+    });
+    CHECK_THROWS_AS(spectrum_of_spd(wrong, bounds), std::invalid_argument);
+    CHECK_THROWS_AS(log_determinant_spd(wrong, bounds), std::invalid_argument);
+    CHECK_THROWS_AS(solve(wrong, b, c, bounds), std::invalid_argument);
+  }
+  covers("spectrum_of_spd", "operator");
 }
 
 TEST_CASE("no estimator hides a NaN or an infinity of its PMF, its policy or its sequence", "[nan][exact]") {

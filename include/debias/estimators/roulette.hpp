@@ -99,6 +99,8 @@ class Roulette {
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {
     return detail::reach_of(terms_, pmf_, base_level_, base_level_);
   }
+  /// Terms that are long paths ask for small chunks.
+  [[nodiscard]] std::int64_t chunk() const requires StatesChunk<S> { return terms_.chunk(); }
   [[nodiscard]] const P& pmf() const { return pmf_; }
   [[nodiscard]] std::string describe() const { return detail::describe("roulette", pmf_, base_level_); }
 

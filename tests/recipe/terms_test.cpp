@@ -1,0 +1,84 @@
+// The split of work between paths and terms.
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/roulette.hpp>
+#include <debias/pmf/geometric.hpp>
+#include <debias/recipe.hpp>
+#include <debias/series.hpp>
+
+#include "catch_shim.hpp"
+#include "laws/estimator_laws.hpp"
+
+using namespace debias;
+
+namespace {
+
+// Terms x r^k of a path: x = 1 + spread times a uniform number about 0.
+auto paths(double ratio, double spread) {
+  struct State {
+    double x;
+    double power;
+  };
+  return path_series(
+      [spread](Stream& rng) {
+        return State{1 + spread * (rng.uniform() - 0.5), 1};
+      },
+      [ratio](const State& s, Stream&) {
+        return State{s.x, s.power * ratio};
+      },
+      [](const State& s) { return s.x * s.power; }, geometric_terms(ratio));
+}
+
+double predicted(const WorkSplit& s) { return (s.probe_variance + s.stopping_variance) * s.work; }
+
+template <class E>
+double product(const E& e, std::int64_t samples = 1 << 14) {
+  const auto r = estimate(e, {.samples = samples, .seed = 5});
+  return r.components[0].variance * r.work / static_cast<double>(r.samples);
+}
+
+}  // namespace
+
+TEST_CASE("a split says which is the noise, and predicts variance and work", "[recipe][statistical]") {
+  const auto noisy = paths(0.8, 2);
+  const auto quiet = paths(0.8, 0.02);
+  const WorkSplit a = split_work(noisy, {.paths = 64});
+  const WorkSplit b = split_work(quiet, {.paths = 64});
+  CHECK(a.probe_share() > 0.5);
+  CHECK(a.sentence().find("probes are the noise") != std::string::npos);
+  CHECK(b.base_level > a.base_level);
+  CHECK(product(roulette(noisy, a)) == Approx(predicted(a)).epsilon(0.3));
+  CHECK(product(roulette(quiet, b)) == Approx(predicted(b)).epsilon(0.3));
+  // no worse than the roulette of the declared rates, and much better where a prefix pays
+  CHECK(product(roulette(noisy, a)) < 1.05 * product(roulette(noisy)));
+  CHECK(product(roulette(quiet, b)) < 0.2 * product(roulette(quiet)));
+  // a few paths choose nearly as well
+  CHECK(product(roulette(noisy, split_work(noisy, {.seed = 3}))) < 1.3 * predicted(a));
+}
+
+TEST_CASE("the recipe of a series is unbiased and counts its pilot", "[recipe][statistical]") {
+  const auto terms = paths(0.8, 2);
+  const auto r = estimate(recipe(terms), {.samples = 1 << 14, .seed = 8});
+  INFO(r);
+  CHECK(std::abs(r.mean - 5) < 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - 5.1) > 4.5 * r.standard_error);
+  CHECK(r.split.pilot_work > 0);
+  const auto alone = estimate(roulette(terms, r.split), {.samples = 1 << 14, .seed = 8});
+  CHECK(r.mean == alone.mean);
+  CHECK(r.work == alone.work + r.split.pilot_work);
+}
+
+TEST_CASE("a split without noise of the paths takes all terms that the pilot saw; terms that are none are refused",
+          "[recipe][exact]") {
+  const WorkSplit s = split_work(paths(0.5, 0));
+  CHECK(s.probe_variance == 0);
+  CHECK(s.base_level > 20);
+  CHECK_THROWS_AS(split_work(paths(0.5, 1), {.paths = 1}), std::invalid_argument);
+  CHECK_THROWS_AS(split_work(paths(0.5, std::numeric_limits<double>::quiet_NaN())), std::invalid_argument);
+}
