@@ -63,6 +63,7 @@ class NetPilot {
   double work_ = 0;
   double seconds_ = 0;
   std::int64_t last_level_ = -1;
+  std::optional<std::int64_t> settled_;  // base level
   std::map<std::pair<std::int64_t, bool>, NetMoments> known_;
   std::string why_;
 };

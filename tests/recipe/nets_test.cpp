@@ -1,5 +1,7 @@
 // The recipe's nets: what its pilot measures, the blocks it grows, and when it takes them.
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <sstream>
@@ -11,6 +13,8 @@
 #include "estimators/sequences.hpp"
 
 #include <debias/core/estimate.hpp>
+#include <debias/functions.hpp>
+#include <debias/nested.hpp>
 #include <debias/pmf/dyadic.hpp>
 #include <debias/recipe.hpp>
 #include <debias/recipe/nets.hpp>
@@ -238,4 +242,39 @@ TEST_CASE("a goal by nets is met on average over seeds, by honest errors", "[net
   CHECK(std::sqrt(squares) < 1.3 * error);  // 1.1, known to 9 %
   CHECK(std::abs(mean) < 4.5 * error / std::sqrt(seeds));
   CHECK(covered >= 48);  // of 57 expected, with a standard deviation of 1.7
+}
+
+TEST_CASE("goals by nets take at most so much work, pilots included", "[nets][recipe][statistical][stat]") {
+  const double discount = std::exp(-0.05);
+  const auto call = [discount](double s) { return std::max(s - 100, 0.0) * discount; };
+  const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
+  const auto check = [](const char* name, const auto& sequence, double error, double most) {
+    constexpr std::size_t seeds = 16;
+    std::array<double, seeds> work{};
+    std::array<double, seeds> pilot{};
+    for (std::size_t i = 0; i < seeds; ++i) {
+      const auto r = estimate(recipe(sequence), {.seed = i + 1, .goal = {.error = error}});
+      CHECK(r.advice.points == Points::nets);
+      work[i] = r.work;
+      pilot[i] = r.pilot_work;
+    }
+    std::nth_element(work.begin(), work.begin() + seeds / 2, work.end());
+    std::nth_element(pilot.begin(), pilot.begin() + seeds / 2, pilot.end());
+    CAPTURE(name, error, work[seeds / 2], pilot[seeds / 2]);
+    CHECK(work[seeds / 2] <= most);
+  };
+  check("European", european, 0.001, 1.25e6);
+  check("European", european, 0.0002, 1.3e7);
+  check("Asian", milstein(stock, Average{}, [call](const Average& p) { return call(p.average()); }), 0.0025, 3.3e5);
+  check("lookback",
+        milstein(stock, Minimum{}, [discount](const Minimum& p) { return (p.terminal - p.minimum) * discount; }),
+        0.0025, 4.5e6);
+  check("nested max",
+        nested([](Stream& rng) { return rng.normal(); }, [](double x, Stream& rng) { return x + rng.normal(); },
+               functions::PositivePart{}, Rates{1.5, 1}),
+        0.002, 6e5);
+  check("autoregression",
+        steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0, [](double x) { return x * x; },
+                     contraction(0.5)),
+        0.002, 3e5);
 }
