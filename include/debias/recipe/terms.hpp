@@ -13,6 +13,7 @@
 // so the run knows nothing of it. Paths: 8 know a variance to a factor of 1.5, and the product of variance and work is flat.
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -190,14 +191,17 @@ std::ostream& operator<<(std::ostream& out, const TermRecipeResult<V>& result) {
   return out;
 }
 
-/// Pilot, choice and run. The pilot counts in the work of the result. Throws as split_work and `estimate` do.
+/// Pilot, choice and run. The pilot counts in the work and the seconds of the result. Throws as split_work and `estimate` do.
 template <TermSequence S>
 TermRecipeResult<sequence_value_t<S>> estimate(const TermRecipe<S>& recipe, const Plan& plan = {}) {
   WorkSplitOptions options = recipe.options;
   options.seed = plan.seed;
+  const auto start = std::chrono::steady_clock::now();
   WorkSplit split = split_work(recipe.terms, options);
+  const double pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   auto result = debias::estimate(debias::roulette(recipe.terms, split), plan);
   result.work += split.pilot_work;
+  result.seconds += pilot_seconds;
   return {std::move(result), std::move(split)};
 }
 
