@@ -68,6 +68,8 @@ struct PathTerms {
 /// The choice from paths of equal length; `decay` = E D_k^2 over that of the level before, beyond them.
 WorkSplit choose_split(std::span<const PathTerms> paths, std::size_t components, double decay);
 
+[[noreturn]] void refuse_split(const std::string& why);
+
 template <TermSequence S>
 class PilotPath {
  public:
@@ -86,6 +88,7 @@ class PilotPath {
       const double x = component(term.value, c);
       found_.terms.push_back(x);
       sum_[c] += x;
+      if (!std::isfinite(x)) refuse_split("a term is not finite (the operator, or f, is not)");
       last_ = std::max(last_, std::abs(x));
     }
     found_.work.push_back(term.work);
@@ -104,8 +107,6 @@ class PilotPath {
   std::size_t components_ = 0;
   double last_ = 0;
 };
-
-[[noreturn]] void refuse_split(const std::string& why);
 
 }  // namespace detail
 
@@ -134,7 +135,6 @@ requires DeclaresRates<S> WorkSplit split_work(const S& terms, const WorkSplitOp
         size = std::max(size, std::abs(one.sum()[c]));
       }
       const double last = std::max(one.last(), two.last());
-      if (!std::isfinite(last)) detail::refuse_split("a term is not finite (the operator, or f, is not)");
       small = one.levels() > 1 && last <= std::max(apart / 20, 1e-13 * size) ? small + 1 : 0;
       if (one.levels() == longest)
         detail::refuse_split("10^6 terms do not fall (is the interval of the spectrum true?)");
