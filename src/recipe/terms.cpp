@@ -25,6 +25,66 @@ std::ostream& operator<<(std::ostream& out, const WorkSplit& s) {
              << " work a sample\n              " << s.sentence() << ".\n";
 }
 
+std::string slow_terms(const Statistics& result) {
+  if (!result.sequence.declared) return {};
+  const Rates& rates = *result.sequence.declared;
+  if (rates.decay != Decay::geometric || std::isinf(rates.variance_decay)) return {};
+  constexpr double fewest_hits = 16;
+  constexpr std::size_t fewest_levels = 8;
+  constexpr double z = 4.5;
+  std::vector<const LevelRow*> rows;
+  for (const LevelRow& row : result.levels) {
+    if (row.is_base || row.level != row.last_level || row.level < 1) continue;
+    if (!(row.second_moment > 0) || !(static_cast<double>(row.count) >= fewest_hits * row.kurtosis)) continue;
+    rows.push_back(&row);
+  }
+  if (rows.size() < fewest_levels) return {};
+  rows.erase(rows.begin(),
+             rows.begin() + static_cast<std::ptrdiff_t>(std::min(rows.size() / 2, rows.size() - fewest_levels)));
+  // Weighted by what a moment of so many draws knows.
+  double weight = 0;
+  double mean_k = 0;
+  double mean_b = 0;
+  const auto weight_of = [](const LevelRow& row) {
+    return static_cast<double>(row.count) / std::max(row.kurtosis - 1, 0.01);
+  };
+  for (const LevelRow* row : rows) {
+    const double w = weight_of(*row);
+    weight += w;
+    mean_k += w * static_cast<double>(row->level);
+    mean_b += w * std::log2(row->second_moment);
+  }
+  mean_k /= weight;
+  mean_b /= weight;
+  double kk = 0;
+  double kb = 0;
+  for (const LevelRow* row : rows) {
+    const double k = static_cast<double>(row->level) - mean_k;
+    kk += weight_of(*row) * k * k;
+    kb += weight_of(*row) * k * (std::log2(row->second_moment) - mean_b);
+  }
+  const double slope = kb / kk;
+  double squares = 0;
+  for (const LevelRow* row : rows) {
+    const double gap = std::log2(row->second_moment) - mean_b - slope * (static_cast<double>(row->level) - mean_k);
+    squares += weight_of(*row) * gap * gap;
+  }
+  constexpr double octaves = 2.08;  // 1 / ln(2)^2: the square of the error of a logarithm
+  const double scatter = std::max(octaves, squares / (static_cast<double>(rows.size()) - 2));
+  const double error = std::sqrt(scatter / kk);
+  if (!(-slope + z * error < 0.9 * rates.variance_decay)) return {};
+  return "terms fall more slowly than declared: E D^2 by 2^-" + detail::format("%.2g", -slope) + " +- " +
+         detail::format("%.1g", error) + " a level over levels " + std::to_string(rows.front()->level) + " to " +
+         std::to_string(rows.back()->level) + ", declared 2^-" + detail::format("%.2g", rates.variance_decay) +
+         "; of an operator, some eigenvalue lies outside of the interval: widen it";
+}
+
+void print_terms(std::ostream& out, const Statistics& result, const WorkSplit& split) {
+  out << result << split;
+  const std::string slow = slow_terms(result);
+  if (!slow.empty()) out << "warning       " << slow << ".\n";
+}
+
 namespace detail {
 
 void refuse_split(const std::string& why) { throw std::invalid_argument("split_work: " + why); }
