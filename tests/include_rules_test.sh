@@ -10,7 +10,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
-    core/verdict | core/plan) echo 'core/.*|statistics/evidence' ;;
+    core/verdict | core/plan) echo 'core/.*|statistics/(evidence|meeting)' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/dyadic) echo 'core/.*|pmf/.*' ;;
@@ -23,6 +23,7 @@ may_include() {
     linear_operators) echo "$no_runner|series" ;;
     sde | sde/*) echo "$no_runner|core/points|sde|sde/.*" ;;
     nested) echo "$no_runner|function_of_mean" ;;
+    chains | chains/*) echo "$no_runner|core/report|chains/.*|function_of_mean|statistics/(evidence|meeting)" ;;
     reciprocal) echo "$no_runner|series|taylor|function_of_mean|functions" ;;
     # the laws of published schedules
     transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
@@ -33,8 +34,8 @@ may_include() {
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
     recipe | recipe/*) echo 'recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
-    debias) echo '(core|pmf|estimators|derivative|recipe)/.*|[a-z_]*' ;;
-    catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde)/.*|[a-z_]*' ;;
+    debias) echo '(core|pmf|estimators|derivative|recipe|chains)/.*|[a-z_]*' ;;
+    catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde|chains)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;
     render/*) echo '(core|estimators|render)/.*|diagnostics|photon|transmittance' ;;
     commands/*) echo '(core|statistics|numbers|pmf|survey|recipe|validation|render|commands)/.*|[a-z_]*' ;;

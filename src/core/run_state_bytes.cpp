@@ -176,7 +176,13 @@ struct detail::Codec {
     });
     code(io, p.sequence.declared, Rates{0, 0});
     code(io, p.sequence.exact_from, std::int64_t{0});
-    io.number(p.sequence.constant_limit);
+    auto stated = static_cast<std::uint8_t>((p.sequence.constant_limit ? 1 : 0) + (p.sequence.meeting_times ? 2 : 0));
+    io.number(stated);
+    if constexpr (Io::reads) {
+      demand(stated < 4);
+      p.sequence.constant_limit = (stated & 1) != 0;
+      p.sequence.meeting_times = (stated & 2) != 0;
+    }
   }
 
   template <class Io>

@@ -259,6 +259,31 @@ TailsSay worse(const TailsSay& a, const TailsSay& b) {
   return a.index >= b.index ? a : b;
 }
 
+// The levels of coupled chains are the times when they met.
+MeetingTail meeting_of(const Statistics& s) {
+  if (!s.sequence.meeting_times) return {};
+  std::vector<MeetingInterval> times;
+  for (const LevelRow& row : s.levels) {
+    if (!row.is_base) times.push_back({row.level, row.last_level, row.count});
+  }
+  return meeting_tail(times, s.sequence.exact_from.value_or(std::numeric_limits<std::int64_t>::max()));
+}
+
+// Samples of coupled chains: their tails are never more than likely, and the meeting times may say that they have not been seen.
+TailsSay with_meeting(TailsSay tails, const MeetingTail& meeting) {
+  if (meeting.chains == 0) return tails;
+  tails.grade = std::min(tails.grade, Grade::likely);
+  if (meeting.kind == MeetingKind::light || tails.variance == Finiteness::infinite) return tails;
+  tails.variance = meeting.kind == MeetingKind::heavy ? Finiteness::infinite : Finiteness::undecided;
+  tails.grade = meeting.kind == MeetingKind::heavy ? Grade::likely : Grade::open;
+  if (meeting.kind == MeetingKind::heavy) {  // a sample grows like its meeting time
+    tails.index = std::max(tails.index, 1 / meeting.exponent);
+    tails.error =
+        std::max(std::isfinite(tails.error) ? tails.error : 0, meeting.error / (meeting.exponent * meeting.exponent));
+  }
+  return tails;
+}
+
 void combine(RunVerdict& v, const TailsSay& tails, const LevelsSay& say, bool has_levels, bool base_is_heavy) {
   const LevelEvidence& l = v.levels;
   v.variance = tails.variance;
@@ -323,8 +348,9 @@ std::string tails_text(const RunVerdict& v) {
 std::string evidence_text(const RunVerdict& v) {
   const LevelEvidence& l = v.levels;
   if (!l.available) {
-    if (std::isinf(v.tail_index) && std::isinf(v.error)) return "no tail to be seen";
-    return tails_text(v);
+    const std::string met = v.meeting.chains > 0 ? "; " + v.meeting.sentence() : "";
+    if (std::isinf(v.tail_index) && std::isinf(v.error)) return "no tail to be seen" + met;
+    return tails_text(v) + met;
   }
   if (std::isinf(l.tail_index)) return "every difference is zero beyond some level";
   return levels_words(l.first_level, l.last_level) + (l.contradicted ? ", which deeper ones contradict" : "");
@@ -356,6 +382,9 @@ std::string way_out(const RunVerdict& v) {
     return l.beta > 0
                ? "its differences hardly fall; take a PMF that falls much more slowly, or a better coupling."
                : "its differences do not fall, which no PMF mends; a better coupling or a smoother integrand may.";
+  }
+  if (v.meeting.kind == MeetingKind::heavy) {
+    return "a kernel that mixes or meets faster is needed, or more dispersed starts.";
   }
   if (v.grade == Grade::likely && !l.available) {
     return "a lognormal looks the same; replay the largest samples to find the cause.";
@@ -400,9 +429,9 @@ std::string about_variance(const RunVerdict& v) {
     case Finiteness::undecided:
       break;
   }
-  return "variance open: " + known +
-         ", so the interval may be too narrow; take more samples; a survey of the levels, if there are any, tells "
-         "sooner.";
+  return "variance open: " + known + ", so the interval may be too narrow; take more samples" +
+         (v.meeting.chains > 0 ? ", or a kernel that mixes or meets faster."
+                               : "; a survey of the levels, if there are any, tells sooner.");
 }
 
 }  // namespace
@@ -493,6 +522,8 @@ RunVerdict judge(const Statistics& s) {
     has_levels = false;
     t.say = {};
   }
+  v.meeting = meeting_of(s);
+  t.say = with_meeting(t.say, v.meeting);
   v.largest.assign(s.largest.begin(), s.largest.begin() + std::min<std::ptrdiff_t>(3, std::ssize(s.largest)));
   combine(v, t.say, say, has_levels, heavy_base(s.levels));
   return v;

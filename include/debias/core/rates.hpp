@@ -37,6 +37,7 @@ struct SequenceFacts {
   std::optional<Rates> declared{};
   std::optional<std::int64_t> exact_from{};  ///< D_k = 0 for k > exact_from
   bool constant_limit = false;               ///< I_k tends to one number, not to a random one
+  bool meeting_times = false;  ///< a level is the time when two chains met; beyond exact_from: had not met
 };
 
 /// What a measurement of level moments can say of their decay: a power of 2 or of the level, differences that are

@@ -7,6 +7,8 @@
 //   tails    Pareto k of the largest values of either side (core/tail_index.hpp): where there are no levels, or a base
 //            that is heavier than they can tell. Infinite: k - 1.5 se > 1/2 in the full and the half tail and k > .4 in
 //            the quarter, without a hedge only where log excesses look exponential; a lognormal looks the same
+//   chains   coupled ones (chains/coupled_chain.hpp) have no p_k: the tails of the samples and of the meeting times, which are
+//            their levels, both have to be light (statistics/meeting.hpp), and the answer is likely at best
 //   interval se^2 + (what levels with a mass but hardly a draw may add), Student's t; reliable iff the variance is
 //            finite, it has eight degrees, and at most half of it was not seen
 //
@@ -26,6 +28,7 @@
 #include <debias/core/tail_index.hpp>
 #include <debias/core/warning.hpp>
 #include <debias/statistics/evidence.hpp>
+#include <debias/statistics/meeting.hpp>
 
 namespace debias {
 
@@ -65,6 +68,7 @@ struct RunVerdict {
   LevelEvidence levels;
   TailIndex upper;
   TailIndex lower;
+  MeetingTail meeting;  ///< of coupled chains; without chains for all others
   std::int64_t samples = 0;
   double kurtosis = 0;
   double unseen_variance = 0;  ///< of the mean, that levels with a mass but hardly a draw may add to the one measured
