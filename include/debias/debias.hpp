@@ -2,6 +2,7 @@
 
 // All of debias. Each header below can be included alone.
 
+#include <debias/chains.hpp>
 #include <debias/core/accumulator.hpp>
 #include <debias/core/checkpoint.hpp>
 #include <debias/core/estimate.hpp>
