@@ -166,6 +166,12 @@ const std::vector<Problem>& problems() {
       bernoulli_convolution(),
       cantor_law(),
       dickman_law(),
+      // K: chains that meet
+      chain_square(),
+      chain_product(),
+      chain_modes(),
+      chain_ising(),
+      exp_of_chain(),
       // M: deterministic limits
       newton_sqrt(),
       archimedes_pi(),

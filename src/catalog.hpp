@@ -6,7 +6,7 @@
 // erased here, once a run: the sample loops behind `run` are compiled for the sequence itself.
 // Ids and values: catalogue of closed forms, groups A (functions of a mean), B (functions of an integral),
 // C (finite differences), D (series), E (stochastic differential equations), F (nested expectations),
-// H (steady states), M (deterministic limits).
+// H (steady states), K (chains that meet), M (deterministic limits).
 
 #include <cstdint>
 #include <functional>

@@ -96,6 +96,13 @@ Problem bernoulli_convolution();
 Problem cantor_law();
 Problem dickman_law();
 
+// K: chains that meet (coupled_chains.cpp)
+Problem chain_square();
+Problem chain_product();
+Problem chain_modes();
+Problem chain_ising();
+Problem exp_of_chain();
+
 // M: deterministic limits (limits.cpp)
 Problem newton_sqrt();
 Problem archimedes_pi();

@@ -58,6 +58,28 @@ struct Market {
   }
 };
 
+// The mean energy of the periodic 4 x 4 Ising model at beta = 0.3, over its 65,536 states.
+Exact ising_energy() {
+  std::map<int, int> states;
+  for (unsigned s = 0; s < 65536; ++s) {
+    int energy = 0;
+    for (unsigned i = 0; i < 16; ++i) {
+      const unsigned right = i / 4 * 4 + (i + 1) % 4;
+      const unsigned below = (i + 4) % 16;
+      for (const unsigned j : {right, below}) energy -= (s >> i & 1) == (s >> j & 1) ? 1 : -1;
+    }
+    ++states[energy];
+  }
+  Exact sum = 0;
+  Exact weighted = 0;
+  for (const auto& [energy, count] : states) {
+    const Exact weight = count * exp(Exact(-number("0.3") * energy));
+    sum += weight;
+    weighted += weight * energy;
+  }
+  return weighted / sum;
+}
+
 std::map<std::string, Exact> formulas() {
   const Exact one = 1;
   const Exact pi = boost::math::constants::pi<Exact>();
@@ -140,6 +162,11 @@ std::map<std::string, Exact> formulas() {
                                       {"H04", one / 3},
                                       {"H05", Exact(3) / 8},
                                       {"H07", Exact(3) / 2},
+                                      {"K01", 1},
+                                      {"K02", Exact(9) / 10},
+                                      {"K03", sqrt(2 / pi) * exp(Exact(-9) / 2) + 3 * (1 - 2 * phi(-3))},
+                                      {"K04", ising_energy()},
+                                      {"K05", 1 / e},
                                       {"M01", sqrt(Exact(2))},
                                       {"M02", pi}};
   int id = 21;
