@@ -178,7 +178,7 @@ Problem chain_ising() {
        .module = "chains.hpp",
        .truth = -13.50486517798170671589,
        .formula = "energy of the periodic 4 x 4 Ising model at beta .3 by coupled heat baths, by enumeration"},
-      gibbs(conditional), start, energy, {.burn_in = 25, .length = 125, .lag = 10},
+      gibbs(conditional), start, energy, {.burn_in = 40, .length = 200, .lag = 10},
       {.burn_in = 2, .length = 2, .lag = 4}, Rates{1.2, 0});
 }
 
