@@ -14,6 +14,8 @@
 #include "catch_shim.hpp"
 #include "laws/estimator_laws.hpp"
 
+#include "core/run_state_bytes.hpp"
+
 #include <debias/chains/metropolis.hpp>
 #include <debias/core/estimate.hpp>
 
@@ -215,6 +217,20 @@ TEST_CASE("coupled chains have the same bits over threads, shards and extensions
   CHECK_THROWS_AS(merge(a, estimate(chain.with({.burn_in = 6, .length = 20, .lag = 4}),
                                     {.samples = 3072, .seed = 3, .first = 1024})),
                   std::invalid_argument);
+}
+
+TEST_CASE("a run of coupled chains that was kept as bytes is one of coupled chains still", "[chains][exact]") {
+  const auto chain = coupled_chain(Ladder{}, 0, cube, {.burn_in = 2, .length = 12, .lag = 3, .limit = 50});
+  const auto whole = estimate(chain, {.samples = 2048, .seed = 3});
+  const auto part = estimate(chain, {.samples = 1024, .seed = 3, .whole = 2048});
+  const RunState kept = decode(encode(part.state));
+  CHECK(kept.pilot.sequence.meeting_times);
+  CHECK(kept.pilot.sequence.exact_from == 50);
+  const auto resumed = extend(chain, kept, {.samples = 2048});
+  CHECK(resumed.mean == whole.mean);
+  CHECK(resumed.verdict().sentence() == whole.verdict().sentence());
+  const auto plain = estimate([](Stream& rng) { return rng.uniform(); }, {.samples = 1024, .seed = 3});
+  CHECK_FALSE(decode(encode(plain.state)).pilot.sequence.meeting_times);
 }
 
 TEST_CASE("the verdict on coupled chains is likely at best, and names the meeting times",
