@@ -10,7 +10,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
-    core/verdict | core/plan) echo 'core/.*|statistics/(evidence|meeting)' ;;
+    core/verdict | core/plan) echo 'core/.*|statistics/(evidence|meeting|posterior)' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/dyadic) echo 'core/.*|pmf/.*' ;;
@@ -29,12 +29,12 @@ may_include() {
     # the laws of published schedules
     transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
-    survey | survey/*) echo 'core/.*|statistics/evidence|survey|survey/.*' ;;
+    survey | survey/*) echo 'core/.*|statistics/(evidence|posterior)|survey|survey/.*' ;;
     diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
-    recipe | recipe/*) echo 'recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
+    recipe | recipe/*) echo 'recipe|recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative|recipe|chains)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde|chains)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;

@@ -23,7 +23,8 @@ MultilevelRequest multilevel_of(const RunRequest& request) {
   const Shape& shape = request.shape;
   if (!std::holds_alternative<Declared>(shape.pmf) || shape.base_level || shape.block != 1 ||
       shape.points == Points::nets) {
-    throw BadRequest({estimator, " multilevel (has no PMF, base level, block or points to choose); leave them out"});
+    throw BadRequest(
+        {estimator, " multilevel (has no PMF, base level or block to choose, and no points); leave them out"});
   }
   return {request.problem, plan.goal.error, plan.seed, plan.threads, plan.ranks};
 }
