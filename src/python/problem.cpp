@@ -26,6 +26,7 @@ template <BiasedSequence S>
 LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
+  runs.facts = debias::facts_of(sequence);
   runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
@@ -78,6 +79,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
     return result;
   };
   p.levels = gathered_levels(sequence, lookups);
+  if (!std::isnan(facts.rates.variance_decay)) p.levels.facts.declared = facts.rates;
   user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {
     with(choice, [&](const auto& e) {
       const auto draw_all = [&] {
