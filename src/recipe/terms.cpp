@@ -3,6 +3,7 @@
 #include <limits>
 #include <ostream>
 #include <stdexcept>
+#include <string>
 
 #include <debias/core/text.hpp>
 
@@ -20,9 +21,9 @@ std::string WorkSplit::sentence() const {
 }
 
 std::ostream& operator<<(std::ostream& out, const WorkSplit& s) {
-  return out << "split         terms to level " << s.base_level << " always, each later one with probability "
-             << detail::format("%.3g", s.survival) << "; " << detail::format("%.3g", s.work)
-             << " work a sample\n              " << s.sentence() << ".\n";
+  return out << "split         terms to level " << std::to_string(s.base_level)
+             << " always, each later one with probability " << detail::format("%.3g", s.survival) << "; "
+             << detail::format("%.3g", s.work) << " work a sample\n              " << s.sentence() << ".\n";
 }
 
 std::string slow_terms(const Statistics& result) {
