@@ -41,7 +41,10 @@ Interval Statistics::interval(double confidence, std::size_t component) const {
       error = std::sqrt(error * error + share * v.unseen_variance);
     }
   }
-  const double half_width = error_quantile((1 - confidence) / 2, moments.count, degrees) * error;
+  double half_width = error_quantile((1 - confidence) / 2, moments.count, degrees) * error;
+  // An error below the rounding of the values says nothing of theirs.
+  constexpr double rounding = 4 * std::numeric_limits<double>::epsilon();
+  if (error > 0) half_width = std::max(half_width, rounding * std::abs(c.mean));
   return {c.mean - half_width, c.mean + half_width, confidence};
 }
 
