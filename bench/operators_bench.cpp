@@ -11,7 +11,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -27,65 +26,18 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/recipe.hpp>
 
+#include "../tests/operators/matrices.hpp"
+
 namespace debias::bench {
 namespace {
 
-using Sparse = Eigen::SparseMatrix<double>;
 using Vector = Eigen::VectorXd;
-
-Sparse chain(Eigen::Index n, double shift) {
-  Sparse a(n, n);
-  a.reserve(Eigen::VectorXi::Constant(n, 3));
-  for (Eigen::Index i = 0; i < n; ++i) {
-    if (i > 0) a.insert(i - 1, i) = -1;
-    a.insert(i, i) = 2 + shift;
-    if (i + 1 < n) a.insert(i + 1, i) = -1;
-  }
-  a.makeCompressed();
-  return a;
-}
-
-double log_det_of_chain(double n, double shift) {
-  const double t = 2 * std::asinh(std::sqrt(shift) / 2);
-  return (n + 1) * t + std::log1p(-std::exp(-2 * (n + 1) * t)) - std::log(2 * std::sinh(t));
-}
-
-Sparse grid(Eigen::Index side, double shift) {
-  Sparse a(side * side, side * side);
-  a.reserve(Eigen::VectorXi::Constant(side * side, 5));
-  for (Eigen::Index y = 0; y < side; ++y) {
-    for (Eigen::Index x = 0; x < side; ++x) {
-      const Eigen::Index here = y * side + x;
-      if (y > 0) a.insert(here - side, here) = -1;
-      if (x > 0) a.insert(here - 1, here) = -1;
-      a.insert(here, here) = 4 + shift;
-      if (x + 1 < side) a.insert(here + 1, here) = -1;
-      if (y + 1 < side) a.insert(here + side, here) = -1;
-    }
-  }
-  a.makeCompressed();
-  return a;
-}
-
-double log_det_of_grid(Eigen::Index side, double shift) {
-  double sum = 0;
-  for (Eigen::Index k = 1; k <= side; ++k) {
-    const double half = std::sin(std::numbers::pi * static_cast<double>(k) / (2 * static_cast<double>(side + 1)));
-    sum += log_det_of_chain(static_cast<double>(side), shift + 4 * half * half);
-  }
-  return sum;
-}
-
-Eigen::MatrixXd kernel(Eigen::Index n, double length, double nugget) {
-  Eigen::MatrixXd k(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double d = static_cast<double>(i - j) / length;
-      k(i, j) = std::exp(-d * d / 2) + (i == j ? nugget : 0);
-    }
-  }
-  return k;
-}
+using testing::chain;
+using testing::grid;
+using testing::kernel;
+using testing::log_det_of_chain;
+using testing::log_det_of_grid;
+using testing::Sparse;
 
 double log_det_by_cholesky(const Eigen::MatrixXd& a) {
   const Eigen::LLT<Eigen::MatrixXd> llt(a);

@@ -323,7 +323,7 @@ TEST_CASE("a recipe refuses a base level that its pilot does not reach", "[recip
 
 TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on twelve problems of six groups",
           "[recipe][statistical][stat][!mayfail]") {
-  // Not met since the rules of evidence: D17 has 1.10.
+  // Not met since the rules of evidence: D17 has 1.11.
   for (const char* id : {"A01", "A10", "A13", "C06", "D17", "E02", "E07", "asian-call", "F01", "F02", "H01", "H04"}) {
     const catalog::Problem& p = catalog::find(id);
     const Plan plan{.samples = 1 << 20, .seed = 1};

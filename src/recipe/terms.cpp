@@ -7,6 +7,8 @@
 
 #include <debias/core/text.hpp>
 
+#include "core/regression.hpp"
+
 namespace debias {
 
 std::string WorkSplit::sentence() const {
@@ -42,37 +44,19 @@ std::string slow_terms(const Statistics& result) {
   if (rows.size() < fewest_levels) return {};
   rows.erase(rows.begin(),
              rows.begin() + static_cast<std::ptrdiff_t>(std::min(rows.size() / 2, rows.size() - fewest_levels)));
-  // Weighted by what a moment of so many draws knows.
-  double weight = 0;
-  double mean_k = 0;
-  double mean_b = 0;
-  const auto weight_of = [](const LevelRow& row) {
-    return static_cast<double>(row.count) / std::max(row.kurtosis - 1, 0.01);
-  };
+  constexpr double octaves = 1.4426950408889634;  // 1 / ln 2
+  std::vector<double> k;
+  std::vector<double> b;
+  std::vector<double> errors;
   for (const LevelRow* row : rows) {
-    const double w = weight_of(*row);
-    weight += w;
-    mean_k += w * static_cast<double>(row->level);
-    mean_b += w * std::log2(row->second_moment);
+    k.push_back(static_cast<double>(row->level));
+    b.push_back(std::log2(row->second_moment));
+    errors.push_back(octaves * std::sqrt(std::max(row->kurtosis - 1, 0.01) / static_cast<double>(row->count)));
   }
-  mean_k /= weight;
-  mean_b /= weight;
-  double kk = 0;
-  double kb = 0;
-  for (const LevelRow* row : rows) {
-    const double k = static_cast<double>(row->level) - mean_k;
-    kk += weight_of(*row) * k * k;
-    kb += weight_of(*row) * k * (std::log2(row->second_moment) - mean_b);
-  }
-  const double slope = kb / kk;
-  double squares = 0;
-  for (const LevelRow* row : rows) {
-    const double gap = std::log2(row->second_moment) - mean_b - slope * (static_cast<double>(row->level) - mean_k);
-    squares += weight_of(*row) * gap * gap;
-  }
-  constexpr double octaves = 2.08;  // 1 / ln(2)^2: the square of the error of a logarithm
-  const double scatter = std::max(octaves, squares / (static_cast<double>(rows.size()) - 2));
-  const double error = std::sqrt(scatter / kk);
+  const Line line = fit_line(k, b, errors);
+  const double slope = line.slope;
+  // Levels that scatter more than their errors say know less.
+  const double error = line.slope_error * std::sqrt(std::max(1.0, line.chi_square / line.degrees));
   if (!(-slope + z * error < 0.9 * rates.variance_decay)) return {};
   return "terms fall more slowly than declared: E D^2 by 2^-" + detail::format("%.2g", -slope) + " +- " +
          detail::format("%.1g", error) + " a level over levels " + std::to_string(rows.front()->level) + " to " +

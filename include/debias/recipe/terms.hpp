@@ -199,9 +199,9 @@ TermRecipeResult<sequence_value_t<S>> estimate(const TermRecipe<S>& recipe, cons
   const auto start = std::chrono::steady_clock::now();
   WorkSplit split = split_work(recipe.terms, options);
   const double pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  auto result = debias::estimate(debias::roulette(recipe.terms, split), plan);
-  result.work += split.pilot_work;
-  result.seconds += pilot_seconds;
+  Plan run = plan;
+  run.pilot += {split.pilot_work, pilot_seconds};
+  auto result = debias::estimate(debias::roulette(recipe.terms, split), run);
   return {std::move(result), std::move(split)};
 }
 
