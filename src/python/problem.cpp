@@ -13,7 +13,7 @@
 #include <debias/functions.hpp>
 #include <Eigen/Core>
 
-#include "../catalog/make.hpp"
+#include "../catalog/with_estimator.hpp"
 #include "../core/text.hpp"
 #include "collecting.hpp"
 
@@ -52,7 +52,7 @@ template <BiasedSequence S>
 UserProblem make_problem(const Facts& facts, const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   using catalog::Method;
   const auto with = [sequence](const Choice& choice, const auto& use) {
-    return catalog::detail::with_estimator(sequence, catalog::detail::NoTerms{}, choice, use);
+    return catalog::detail::with_estimator(sequence, choice, use);
   };
   UserProblem user;
   catalog::Problem& p = user.problem;

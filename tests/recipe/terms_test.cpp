@@ -74,7 +74,7 @@ TEST_CASE("the recipe of a series is unbiased and counts its pilot", "[recipe][s
   CHECK(r.work == alone.work + r.split.pilot_work);
 }
 
-TEST_CASE("a split without noise of the paths takes all terms that the pilot saw; terms that are none are refused",
+TEST_CASE("a split without noise of the paths takes all terms that the pilot saw, and terms that are none are refused",
           "[recipe][exact]") {
   const WorkSplit s = split_work(paths(0.5, 0));
   CHECK(s.probe_variance == 0);
