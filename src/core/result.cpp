@@ -60,11 +60,17 @@ double Statistics::norm() const {
   return std::sqrt(square);
 }
 
+bool Statistics::has_wrong_coupling() const {
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [](const Warning& warning) { return warning.code == WarningCode::coupling; });
+}
+
 double Statistics::goal_error() const { return std::hypot(total_error(), bias_bound.size); }
 
 bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
+  if (has_wrong_coupling()) return false;
   if (goal.error > 0) return goal_error() <= goal.error;
   if (goal.relative_error > 0) return norm() > 0 && goal_error() <= goal.relative_error * norm();
   return seconds <= goal.seconds;
