@@ -330,7 +330,7 @@ TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on twe
     const Advice advice = advise(p.levels, plan, {.base_level = p.lowest_base});
     const Statistics s = run_by(advice, p, plan);
     // The bound, from a pilot of its own.
-    const Survey survey = survey_within(p.levels, s.work - s.pilot_work, {.samples = 1 << 16, .seed = 9});
+    const Survey survey = survey_within(p.levels, s.work - s.pilot_work, {.seed = 9});
     const double bound = bound_of(survey, model_of(survey), advice.base_level);
     CAPTURE(id, advice.block, measured_product(s) / bound);
     CHECK(measured_product(s) < 1.08 * bound);

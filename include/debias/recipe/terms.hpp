@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <iosfwd>
@@ -153,9 +154,9 @@ requires DeclaresRates<S> WorkSplit split_work(const S& terms, const WorkSplitOp
   return detail::choose_split(paths, components, std::exp2(-rates.variance_decay));
 }
 
-/// The roulette that a split names.
-template <TermSequence S>
-Roulette<S, Geometric> roulette(S terms, const WorkSplit& split) {
+/// The roulette that a split names. (Braces are options of a roulette, never a split.)
+template <TermSequence S, std::same_as<WorkSplit> Split>
+Roulette<S, Geometric> roulette(S terms, const Split& split) {
   return roulette(std::move(terms), Geometric(1 - split.survival), {.base_level = split.base_level});
 }
 
