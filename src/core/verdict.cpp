@@ -498,9 +498,11 @@ RunVerdict judge(const Statistics& s) {
     // Strata may have made the measured part smaller than its levels add up to.
     const double all = missing + std::pow(s.moments.standard_error(), 2);
     const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(s.moments.mean);
-    if (has_levels && std::isfinite(say.doubt.degrees) && all > rounding * rounding) {
+    if (!(all > rounding * rounding)) {
+      v.kurtosis = 1;  // of rounding, which says nothing: the interval is never below it
+    } else if (has_levels && std::isfinite(say.doubt.degrees)) {
       v.unseen_variance = missing;
-      v.unseen_share = all > 0 ? std::min(missing, say.doubt.unseen) / all : 0;
+      v.unseen_share = std::min(missing, say.doubt.unseen) / all;
       v.degrees = say.doubt.degrees;
     }
   } else {

@@ -354,6 +354,9 @@ class Beyond {
   std::vector<double> left_out_;
 };
 
+// Of a difference that is not random, how far off its size may be: a half of that of its square, in natural units.
+double uncertain_part(const Believed& b) { return std::min(1.0, 0.5 * 0.6931471805599453 * b.error); }
+
 }  // namespace
 
 Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
@@ -441,12 +444,13 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
         continue;
       }
       if (certain) replaced += expected - mu * std::exp2(p.at(k));
-      left_out += certain ? std::sqrt(std::max(0.0, mean * mean - expected * expected)) : mean;
+      left_out += certain ? uncertain_part(b) * std::abs(expected) : mean;
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
     }
-    const double second = std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
+    const double second = mu != 0 ? expected * expected * (1 + std::pow(uncertain_part(b), 2))
+                                  : std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     const double mass = std::max(std::exp2(p.at(k)), 1 / members);
     if (mu == 0 && beyond.holds(k)) {
       beyond.add_drawn(k, [&](double second_moment) { return second_moment / mass / members; });

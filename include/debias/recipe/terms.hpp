@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <iosfwd>
@@ -154,9 +153,9 @@ requires DeclaresRates<S> WorkSplit split_work(const S& terms, const WorkSplitOp
   return detail::choose_split(paths, components, std::exp2(-rates.variance_decay));
 }
 
-/// The roulette that a split names. (Braces are options of a roulette, never a split.)
-template <TermSequence S, std::same_as<WorkSplit> Split>
-Roulette<S, Geometric> roulette(S terms, const Split& split) {
+/// The roulette that a split names.
+template <TermSequence S>
+Roulette<S, Geometric> estimator_of(S terms, const WorkSplit& split) {
   return roulette(std::move(terms), Geometric(1 - split.survival), {.base_level = split.base_level});
 }
 
@@ -202,7 +201,7 @@ TermRecipeResult<sequence_value_t<S>> estimate(const TermRecipe<S>& recipe, cons
   const double pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Plan run = plan;
   run.pilot += {split.pilot_work, pilot_seconds};
-  auto result = debias::estimate(debias::roulette(recipe.terms, split), run);
+  auto result = debias::estimate(debias::estimator_of(recipe.terms, split), run);
   return {std::move(result), std::move(split)};
 }
 
