@@ -420,7 +420,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       if (!drawn) d.levels.push_back(k);
       const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
       const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
-      const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+      const double mass = std::max(std::exp2(p.at(k)), mu != 0 ? 0 : 1 / members);
       add(drawn ? d.seen : d.undrawn, part_in_variance(second, mean, mass, mu) / members,
           drawn ? rarity_seen / draws_expected : rarity_seen / draws);
       continue;
@@ -451,7 +451,8 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
     const double second = mu != 0 ? expected * expected * (1 + std::pow(uncertain_part(b), 2))
                                   : std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
-    const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+    // Where the others stand for it, a level counts as often as it comes.
+    const double mass = std::max(std::exp2(p.at(k)), mu != 0 ? 0 : 1 / members);
     if (mu == 0 && beyond.holds(k)) {
       beyond.add_drawn(k, [&](double second_moment) { return second_moment / mass / members; });
       continue;
