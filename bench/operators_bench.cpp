@@ -2,6 +2,7 @@
 //
 //   variance_work   variance of one sample x products with A that it takes, relative to the square of the truth
 //   products        of one sample
+//   error_at_1e4    relative error of a mean that has taken so many products: sqrt(variance_work / products + bias^2); and 1e6
 //   z               standard errors from the truth: of the power series, whose radius is close to 1, no small number
 //   slq             stochastic Lanczos quadrature as a plain loop: m steps a probe, no reorthogonalisation; `bias` is the mean of
 //                   its difference to 300 steps on the same probes, relative to the truth, with its own standard error
@@ -64,11 +65,18 @@ double seconds_of(const auto& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// Probes average noise away and leave the bias.
+void report_errors(benchmark::State& state, double variance_work, double bias) {
+  state.counters["variance_work"] = variance_work;
+  state.counters["error_at_1e4"] = std::sqrt(variance_work / 1e4 + bias * bias);
+  state.counters["error_at_1e6"] = std::sqrt(variance_work / 1e6 + bias * bias);
+}
+
 template <class Result>
 void report_run(benchmark::State& state, const Result& r, double truth, double offset = 0) {
   const double samples = static_cast<double>(r.samples);
   state.counters["products"] = r.work / samples;
-  state.counters["variance_work"] = r.components[0].variance * r.work / samples / (truth * truth);
+  report_errors(state, r.components[0].variance * r.work / samples / (truth * truth), 0);
   state.counters["z"] = (r.mean + offset - truth) / r.standard_error;
 }
 
@@ -147,28 +155,42 @@ void m08() {
   }
 }
 
-void quadrature() {
-  const double shift = 4.0 / 999;
-  const Sparse a = chain(1000, shift);
-  const double truth = log_det_of_chain(1000, shift);
+/// On the same probes as `most` steps, which stand for the truth of each.
+void quadrature_of(const std::string& name, const Sparse& a, double truth, int most, std::uint64_t probes) {
   for (const int m : {5, 10, 20, 40}) {
-    once("operators/M08/slq_" + std::to_string(m), [=](benchmark::State& state) {
+    once(name + "/slq_" + std::to_string(m), [=](benchmark::State& state) {
       Tally values;
       Tally differences;
-      for (std::uint64_t i = 0; i < 256; ++i) {
+      std::vector<double> z(static_cast<std::size_t>(a.rows()));
+      for (std::uint64_t i = 0; i < probes; ++i) {
         Stream rng(1, i);
-        std::vector<double> z(1000);
         debias::detail::fill_signs(z, rng);
-        const Quadrature q = lanczos_quadrature(a, Eigen::Map<const Vector>(z.data(), 1000), m, 300);
+        const Quadrature q = lanczos_quadrature(a, Eigen::Map<const Vector>(z.data(), a.rows()), m, most);
         values.add(q.at_m);
         differences.add(q.at_m - q.at_most);
       }
+      const double bias = differences.mean / truth;
       state.counters["products"] = m;
-      state.counters["variance_work"] = values.variance() * m / (truth * truth);
-      state.counters["bias"] = differences.mean / truth;
-      state.counters["bias_error"] = std::sqrt(differences.variance() / 256) / truth;
+      report_errors(state, values.variance() * m / (truth * truth), bias);
+      state.counters["bias"] = bias;
+      state.counters["bias_error"] = std::sqrt(differences.variance() / static_cast<double>(probes)) / truth;
     });
   }
+}
+
+void quadrature() {
+  quadrature_of("operators/M08", chain(1000, 4.0 / 999), log_det_of_chain(1000, 4.0 / 999), 300, 256);
+  // 9 x 10^4 unknowns, condition 2000
+  const Sparse a = grid(300, 0.004);
+  const double truth = log_det_of_grid(300, 0.004);
+  quadrature_of("operators/laplacian_300", a, truth, 160, 64);
+  once("operators/laplacian_300/signs", [=](benchmark::State& state) {
+    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.004})), plan_of(512)), truth);
+  });
+  once("operators/laplacian_300/coloured_2", [=](benchmark::State& state) {
+    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.004}, Coloured{.distance = 2})), plan_of(128)),
+               truth);
+  });
 }
 
 void probes() {
