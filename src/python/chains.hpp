@@ -14,8 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include <debias/chains/advise.hpp>
-#include <debias/chains/coupled_chain.hpp>
+#include <debias/chains.hpp>
 #include <debias/core/stream.hpp>
 
 #include "problem.hpp"
