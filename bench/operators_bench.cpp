@@ -7,11 +7,13 @@
 //   slq             stochastic Lanczos quadrature as a plain loop: m steps a probe, no reorthogonalisation; `bias` is the mean of
 //                   its difference to 300 steps on the same probes, relative to the truth, with its own standard error
 //   cholesky        seconds of a sparse Cholesky factorisation of the 2-d Laplacian, and of ours to a relative error of 1e-4
+//   vectors         memory of a sample at its peak beyond the matrix, in vectors of as many numbers as there are rows
 //   time            seconds of a run on one thread over those of as many plain products y = A x, alternating
 
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -86,6 +88,17 @@ Plan plan_of(std::int64_t samples) {
   plan.samples = samples;
   return plan;
 }
+
+/// Bytes of resident memory: "VmRSS:" now, "VmHWM:" the most since the last `forget_peak`. 0 where the system does not say.
+double resident(const std::string& which) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;) {
+    double kilobytes = 0;
+    if (word == which && status >> kilobytes) return 1024 * kilobytes;
+  }
+  return 0;
+}
+void forget_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
 
 template <class Work>
 void once(const std::string& name, const Work& work) {
@@ -230,7 +243,9 @@ void million() {
     double products = 0;
     Tally values;
     std::vector<double> x(static_cast<std::size_t>(a.rows()), 1.0);
-    std::vector<double> y(x.size());
+    std::vector<double> y(x.size(), 0.0);
+    forget_peak();
+    const double before = resident("VmRSS:");
     for (std::uint64_t i = 0; i < 32; ++i) {
       double work = 0;
       ours += seconds_of([&] {
@@ -250,6 +265,7 @@ void million() {
         }
       });
     }
+    state.counters["vectors"] = (resident("VmHWM:") - before) / (8 * static_cast<double>(a.rows()));
     state.counters["products"] = products / 32;
     state.counters["time"] = ours / theirs;
     state.counters["seconds_a_product"] = theirs / products;

@@ -1087,7 +1087,8 @@ class Interrupts(unittest.TestCase):
         for name, f in {"catalogue": lambda: debias.estimate("E05", samples=1e9),
                         "samples": lambda: debias.samples("E05", 10**7),
                         "survey": lambda: debias.survey("E05", levels=8, samples=1e8),
-                        "own": lambda: debias.estimate(slow, samples=1e9, pmf="geometric:theta=1.9")}.items():
+                        "own": lambda: debias.estimate(slow, samples=1e9, pmf="geometric:theta=1.9"),
+                        "chains": lambda: debias.estimate(Chains.SQUARE, samples=1e9)}.items():
             with self.subTest(name):
                 self.assertLess(self.seconds_to_interrupt(f), 0.5)
 
