@@ -8,32 +8,32 @@ answer() { "$debias" "$@" --json 2>/dev/null | sed -E '/"(seconds|pilot_seconds|
 chains() { problem=$1; shift; answer run "$problem" --estimator coupled_chain "$@"; }
 
 for problem in K01 K02 K03 K04; do
-  whole=$(chains $problem --samples 4097 --threads 1)
+  whole=$(chains $problem --samples 2049 --threads 1)
   check "$problem answers" has '"variance": "finite"' answer.json
   for threads in 2 3; do
-    check "$problem on $threads threads" same "$(chains $problem --samples 4097 --threads $threads)" "$whole"
+    check "$problem on $threads threads" same "$(chains $problem --samples 2049 --threads $threads)" "$whole"
   done
-  check "$problem of another seed is another run" [ "$(chains $problem --samples 4097 --seed 2 | grep '"mean"')" != "$(echo "$whole" | grep '"mean"')" ]
-  for i in 1 2 3; do chains $problem --samples 4097 --shard $i/3 --threads $i --checkpoint $problem.$i > /dev/null; done
+  check "$problem of another seed is another run" [ "$(chains $problem --samples 2049 --seed 2 | grep '"mean"')" != "$(echo "$whole" | grep '"mean"')" ]
+  for i in 1 2 3; do chains $problem --samples 2049 --shard $i/3 --threads $i --checkpoint $problem.$i > /dev/null; done
   check "$problem in three shards" same "$(answer merge $problem.3 $problem.1 $problem.2)" "$whole"
   check "$problem without one of them" refused_by 5 "are missing" merge $problem.1 $problem.3
   chains $problem --samples 1000 --checkpoint $problem.grows > /dev/null
-  check "$problem grows" same "$(answer resume $problem.grows --samples 4097 --threads 2)" "$whole"
+  check "$problem grows" same "$(answer resume $problem.grows --samples 2049 --threads 2)" "$whole"
 done
 check "K05 on 3 threads" same "$(answer run K05 --estimator taylor --samples 5000 --threads 3)" \
   "$(answer run K05 --estimator taylor --samples 5000 --threads 1)"
 check "chains of two problems do not merge" refused_by 5 "of another run" merge K01.1 K02.2
 
 # ---- a sample alone is the one of the run
-"$debias" run K01 --estimator coupled_chain --samples 4097 --full > full.txt 2> /dev/null
+"$debias" run K01 --estimator coupled_chain --samples 2049 --full > full.txt 2> /dev/null
 check "the verdict speaks of meeting times" has "meeting times have a light tail" full.txt
 "$debias" replay K01 --estimator coupled_chain --seed 1 --sample 77 > replay.txt
 check "a sample is replayed" has "^value " replay.txt
 check "the same each time" same "$("$debias" replay K01 --estimator coupled_chain --seed 1 --sample 77)" "$(cat replay.txt)"
 
 # ---- killed
-long=$(chains K01 --samples 600000)
-"$debias" run K01 --estimator coupled_chain --samples 600000 --checkpoint k --threads 1 > /dev/null 2>&1 &
+long=$(chains K01 --samples 400000)
+"$debias" run K01 --estimator coupled_chain --samples 400000 --checkpoint k --threads 1 > /dev/null 2>&1 &
 pid=$!
 tries=0
 while [ $tries -lt 100 ] && ! { [ -f k ] && [ "$(wc -c < k)" -gt 20000 ]; }; do sleep 0.05; tries=$((tries + 1)); done

@@ -5,6 +5,7 @@
 // In a first pass over the samples each leaves its stream here; then one call runs all their chains; then the samples that count
 // read what came of them, in the same order. Formula and estimator: debias/chains/coupled_chain.hpp.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -50,6 +51,11 @@ class ChainBlocks {
   [[nodiscard]] bool collecting() const { return collecting_; }
   [[nodiscard]] const ChainOptions& options() const { return options_; }
   [[nodiscard]] std::size_t width() const { return width_; }
+  /// Samples of a run at once: some seconds of cheap steps, so that a run knows its time and answers Ctrl-C.
+  [[nodiscard]] std::int64_t ahead() const {
+    constexpr std::int64_t steps = 1 << 24;
+    return std::max(default_chunk, steps / (std::max(options_.length, options_.lag) + 64));
+  }
 
   void ask(const Stream& rng) { asked_.emplace_back(rng); }
   std::span<const double> next();

@@ -581,7 +581,8 @@ def coupled_chain(kernel: Kernel, start: Any, f: Callable[[np.ndarray], Any], *,
     dimension : uniforms that a start takes
     components : c, where f returns an array (n, c)
 
-    `advise` measures burn_in, length and lag. A run takes whole blocks of up to 65536 chains, on the thread that called.
+    `advise` measures burn_in, length and lag. A run takes blocks of 512 to 65536 chains, fewer of long ones, on the thread that
+    called.
     Chains that have not met after 65536 steps, 131072, ... are told by a DebiasWarning with the code "not_met".
 
     Examples
