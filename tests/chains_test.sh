@@ -45,7 +45,8 @@ check "and on one" same "$(answer resume again --threads 1)" "$long"
 
 "$debias" run K04 --estimator coupled_chain --samples 1e8 --checkpoint s > /dev/null 2> err &
 pid=$!
-sleep 0.7
+tries=0
+while [ $tries -lt 200 ] && ! { [ -f s ] && [ "$(wc -c < s)" -gt 20000 ]; }; do sleep 0.05; tries=$((tries + 1)); done
 kill -TERM $pid
 wait $pid
 check "SIGTERM exits 130" same $? 130
