@@ -20,7 +20,7 @@ class Collecting {
   explicit Collecting(Collection& collection, std::int64_t block = 1)
       : collection_(&collection),
         ahead_(std::max<std::int64_t>(
-            1, static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(ahead / block))))) {}
+            1, static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(ahead_of(collection) / block))))) {}
 
   void begin(std::int64_t first, std::int64_t last, bool in_order) {
     in_order_ = in_order;
@@ -43,7 +43,13 @@ class Collecting {
   }
 
  private:
-  static constexpr std::int64_t ahead = 1 << 16;  // samples
+  static constexpr std::int64_t most_ahead = 1 << 16;  // samples
+
+  // Fewer where the collection says so, of samples that take long.
+  static std::int64_t ahead_of(const Collection& collection) {
+    if constexpr (requires { collection.ahead(); }) return std::min(most_ahead, collection.ahead());
+    return most_ahead;
+  }
 
   template <class Draw>
   void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {
