@@ -273,18 +273,29 @@ TEST_CASE("a survey prints its table, rates and answer", "[survey][exact]") {
     CHECK(text.str().find(word) != text.str().npos);
 }
 
-TEST_CASE("the rates that the catalogue declares are the rates that a survey measures",
-          "[survey][statistical][stat][!mayfail]") {
-  // Not met since the rules of evidence: C05, whose levels end at its horizon, is called exact.
-  for (const char* id : {"A01", "A03", "A07", "A10", "A13", "A20", "B02", "B03", "B09", "B12", "C01", "C02", "C05",
+namespace {
+
+void check_declared_rates(const char* id) {
+  const catalog::Problem& p = catalog::find(id);
+  const Survey s = survey_within(p.levels, 4e6, {.seed = 1});
+  CAPTURE(id, s.rates.variance_decay.value, s.rates.variance_decay.error);
+  CHECK(std::abs(s.rates.variance_decay.value - p.rates.variance_decay) < 0.15);
+  CHECK(std::abs(s.rates.work_growth.value - p.rates.work_growth) < 0.15);
+  CHECK(s.pmf_exists == Answer::yes);
+}
+
+}  // namespace
+
+TEST_CASE("the rates that the catalogue declares are the rates that a survey measures", "[survey][statistical][stat]") {
+  for (const char* id : {"A01", "A03", "A07", "A10", "A13", "A20", "B02", "B03", "B09", "B12", "C01", "C02", "C03",
                          "D19", "E02", "E07", "F02", "F06"}) {
-    const catalog::Problem& p = catalog::find(id);
-    const Survey s = survey_within(p.levels, 4e6, {.seed = 1});
-    CAPTURE(id, s.rates.variance_decay.value, s.rates.variance_decay.error);
-    CHECK(std::abs(s.rates.variance_decay.value - p.rates.variance_decay) < 0.15);
-    CHECK(std::abs(s.rates.work_growth.value - p.rates.work_growth) < 0.15);
-    CHECK(s.pmf_exists == Answer::yes);
+    check_declared_rates(id);
   }
+}
+
+TEST_CASE("a survey measures the rates of a sequence that ends at its horizon",
+          "[survey][statistical][stat][!mayfail]") {
+  check_declared_rates("C05");  // not met since the rules of evidence: it is called exact
 }
 
 namespace {

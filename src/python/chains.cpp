@@ -91,14 +91,7 @@ void ChainBlocks::collect_queries(const std::function<void()>& draws) {
   asked_.clear();
   answers_.clear();
   read_ = 0;
-  collecting_ = true;
-  try {
-    draws();
-  } catch (...) {
-    collecting_ = false;
-    throw;
-  }
-  collecting_ = false;
+  ask_by(collecting_, draws);
   if (!asked_.empty()) answers_ = rows_of(std::exchange(asked_, {}), options_);
 }
 
@@ -111,14 +104,8 @@ std::vector<double> ChainBlocks::rows_of(std::vector<Stream> streams, const Chai
 
 UserProblem coupled_chain_problem(const Facts& facts, std::shared_ptr<ChainBlocks> blocks, std::size_t components) {
   debias::detail::check_chain(blocks->options());
-  UserProblem user;
-  catalog::Problem& p = user.problem;
-  p.name = facts.name;
-  p.module = "python";
-  p.truth = facts.truth;
-  p.formula = facts.formula;
-  p.rates = facts.rates;
-  p.specials = {{.name = "coupled_chain", .description = "two chains that meet, with all their levels"}};
+  UserProblem user = problem_of(facts);
+  user.problem.specials = {{.name = "coupled_chain", .description = "two chains that meet, with all their levels"}};
   user.components = std::max<std::size_t>(components, 1);
   const auto set = [&]<Value V>(BlockChain<V> estimator) {
     set_runs(

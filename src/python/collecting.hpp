@@ -8,10 +8,23 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <functional>
 
 #include <debias/core/estimate.hpp>
 
 namespace debias::python {
+
+/// Draws while the flag says that only questions are asked.
+inline void ask_by(bool& collecting, const std::function<void()>& draws) {
+  collecting = true;
+  try {
+    draws();
+  } catch (...) {
+    collecting = false;
+    throw;
+  }
+  collecting = false;
+}
 
 template <class Collection>
 class Collecting {

@@ -54,14 +54,8 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   const auto with = [sequence](const Choice& choice, const auto& use) {
     return catalog::detail::with_estimator(sequence, choice, use);
   };
-  UserProblem user;
+  UserProblem user = problem_of(facts);
   catalog::Problem& p = user.problem;
-  p.name = facts.name;
-  p.module = "python";
-  p.truth = facts.truth;
-  p.formula = facts.formula;
-  p.rates = facts.rates;
-  p.lowest_base = facts.lowest_base;
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
   set_runs(user, with, lookups);
   p.levels = gathered_levels(sequence, lookups);
@@ -217,6 +211,18 @@ struct CubeDraw {
 Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance_decay) ? usual : rates; }
 
 }  // namespace
+
+UserProblem problem_of(const Facts& facts) {
+  UserProblem user;
+  catalog::Problem& p = user.problem;
+  p.name = facts.name;
+  p.module = "python";
+  p.truth = facts.truth;
+  p.formula = facts.formula;
+  p.rates = facts.rates;
+  p.lowest_base = facts.lowest_base;
+  return user;
+}
 
 UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components) {
   const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());

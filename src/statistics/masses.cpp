@@ -375,6 +375,12 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   constexpr double not_random = 0.99;
   if (share_of_mean > not_random) d.mu = sum_of_means(e, masses);
   const double mu = d.mu;
+  // Of one level in the squared error of the mean: E (D / p - mu)^2 p / members; a level of which no draw is expected leaves
+  // out (D - mu p)^2.
+  const auto part_of = [&](double second, double mean, std::int64_t level) {
+    const double mass = std::exp2(p.at(level));
+    return std::max(0.0, second - 2 * mu * mean * mass + mu * mu * mass * mass) / std::max(mass, 1 / members) / members;
+  };
   double squares = 0;  // of the variances of the parts
   const auto add = [&](double& part, double variance, double relative) {
     part += variance;
@@ -420,8 +426,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       if (!drawn) d.levels.push_back(k);
       const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
       const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
-      const double mass = std::max(std::exp2(p.at(k)), mu != 0 ? 0 : 1 / members);
-      add(drawn ? d.seen : d.undrawn, part_in_variance(second, mean, mass, mu) / members,
+      add(drawn ? d.seen : d.undrawn, part_of(second, mean, k),
           drawn ? rarity_seen / draws_expected : rarity_seen / draws);
       continue;
     }
@@ -451,13 +456,11 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
     const double second = mu != 0 ? expected * expected * (1 + std::pow(uncertain_part(b), 2))
                                   : std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
-    // Where the others stand for it, a level counts as often as it comes.
-    const double mass = std::max(std::exp2(p.at(k)), mu != 0 ? 0 : 1 / members);
     if (mu == 0 && beyond.holds(k)) {
-      beyond.add_drawn(k, [&](double second_moment) { return second_moment / mass / members; });
+      beyond.add_drawn(k, [&](double second_moment) { return part_of(second_moment, 0, k); });
       continue;
     }
-    add(d.unseen, part_in_variance(second, expected, mass, mu) / members, doubt);
+    add(d.unseen, part_of(second, expected, k), doubt);
   }
   if (const double variance = beyond.variance(sum_of_seen); variance > 0) add(d.unseen, variance, most_doubt);
   left_out += std::abs(replaced);
