@@ -14,6 +14,8 @@
 #include "recipe/digital.hpp"
 
 #include <debias/core/estimate.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
 #include <debias/multilevel.hpp>
 #include <debias/recipe.hpp>
 #include <debias/recipe/model.hpp>
@@ -348,6 +350,22 @@ TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on ele
 TEST_CASE("measured variance x work in blocks is within 1.08 of the bound on an alternating series",
           "[recipe][statistical][stat][!mayfail]") {
   check_bound("D17");  // not met since the rules of evidence: 1.11
+}
+
+TEST_CASE("a goal that is met by what was drawn says what it is with levels not seen", "[recipe][goal][exact]") {
+  const auto x = [](Stream& rng) { return 2 * rng.uniform(); };
+  int said = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto r =
+        estimate(recipe(function_of_mean(x, functions::ExpMinus{})), {.seed = seed, .goal = {.relative_error = 0.01}});
+    std::ostringstream text;
+    text << r;
+    const double all = std::hypot(r.goal_error(), std::sqrt(r.verdict().unseen_variance)) / r.norm();
+    const bool says = text.str().find("with levels not seen") != text.str().npos;
+    CHECK(says == (r.goal_met() && all > 0.01));
+    said += says ? 1 : 0;
+  }
+  CHECK(said > 0);
 }
 
 TEST_CASE("intervals of derivatives and exact combs that a goal was asked for are called reliable, and cover",
