@@ -24,6 +24,7 @@ constexpr double hopeless = 4;              // of the work of plain numbers
 constexpr double most_members = 0x1p31;     // of a block
 constexpr double most_exponent_beyond = 3;  // of the tail's, over that of the work, where differences end
 constexpr double told_from_zero = 3;        // standard errors
+constexpr double rounding = 0x1p-96;        // of a second moment: so little variance is none
 constexpr double goal_pilot = 17.0 / 16;    // of a run of plain numbers: its own pilot for the goal
 
 double rounded_exponent(double theta) { return std::ceil(1000 * theta - 1e-6) / 1000; }
@@ -158,6 +159,13 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
     for (std::size_t c = 0; c < m->mean.size(); ++c) mean[c] += m->mean[c];
     found.mean_variance += m->variance.back() / static_cast<double>(nets);
     found.levels.push_back(std::move(next));
+  }
+  const bool is_random = std::any_of(found.levels.begin(), found.levels.begin() + count, [](const NetLevel& level) {
+    return level.variance.front() > rounding * level.second_moment;
+  });
+  if (!is_random && !options_.points) {
+    why_ = "the levels are not random: only the level drawn is, and a net does not even that out";
+    return {};
   }
   for (const double x : mean) found.mean = std::hypot(found.mean, x);
   return found;
