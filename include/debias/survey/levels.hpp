@@ -57,8 +57,12 @@ struct NetMoments {
   std::vector<double> mean;      ///< by component
   double second_moment = 0;      ///< of one point: the squared norm
   double hits = 0;               ///< points that make it: their number over the kurtosis
+  double points = 0;             ///< of all nets
   double work = 0;               ///< of all points
   double seconds = 0;
+
+  /// Of one point; at least that where all are zero.
+  [[nodiscard]] double kurtosis() const { return hits > 0 ? points / hits : points; }
 };
 
 /// The erased levels of a sequence.
