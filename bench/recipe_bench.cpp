@@ -25,7 +25,7 @@ void recipe_against_multilevel(benchmark::State& state, const char* id, double e
     const catalog::Method method =
         advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
     const Statistics s = problem.run(
-        {method, advice.pmf, advice.base_level, "", advice.block},
+        {method, advice.pmf, advice.base_level, "", advice.block, advice.points},
         {.samples = advice.members, .seed = seed, .threads = 1, .pilot = {advice.pilot_work, advice.pilot_seconds}});
     const double reached = s.total_error() / error;
     ours += s.work * reached * reached;

@@ -23,22 +23,6 @@
 namespace debias::bench {
 namespace {
 
-double slope_of(const std::vector<double>& x, const std::vector<double>& y) {
-  double mean_x = 0;
-  double mean_y = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    mean_x += x[i] / static_cast<double>(x.size());
-    mean_y += y[i] / static_cast<double>(x.size());
-  }
-  double xx = 0;
-  double xy = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    xx += (x[i] - mean_x) * (x[i] - mean_x);
-    xy += (x[i] - mean_x) * (y[i] - mean_y);
-  }
-  return xy / xx;
-}
-
 /// `alpha` is the tail index of a sample: infinity stands for a finite variance.
 void slope(benchmark::State& state, const char* id, const AnyPmf& pmf, double alpha) {
   const catalog::Problem& problem = catalog::find(id);

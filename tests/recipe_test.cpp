@@ -79,7 +79,7 @@ double z_of(const Statistics& s, double truth) {
 Statistics run_by(const Advice& advice, const catalog::Problem& p, const Plan& plan) {
   const catalog::Method method =
       advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-  return p.run({method, advice.pmf, advice.base_level, "", advice.block}, detail::plan_of(plan, advice));
+  return p.run({method, advice.pmf, advice.base_level, "", advice.block, advice.points}, detail::plan_of(plan, advice));
 }
 
 /// Variance x work of one member, as the run has measured them.

@@ -1,5 +1,10 @@
-"""The pictures of README.md: PYTHONPATH=build/release/python /usr/bin/python3 notebooks/pictures/draw.py"""
+"""The pictures of README.md and bench/README.md: PYTHONPATH=build/release/python /usr/bin/python3 notebooks/pictures/draw.py
 
+With the output of `debias_bench --benchmark_filter=goals --benchmark_out=goals.json` as argument, `slope` alone.
+"""
+
+import json
+import sys
 import warnings
 from pathlib import Path
 
@@ -19,6 +24,35 @@ here = Path(__file__).parent
 def save(name, figure):
     figure.savefig(here / f"{name}.png", dpi=90, metadata={"Software": None})
 
+
+def draw_slopes(path):
+    """Error against work of ten problems, each by four methods."""
+    names = {"recipe": "recipe", "plain": "recipe without nets", "multilevel": "multilevel (biased)",
+             "multilevel_nets": "multilevel with nets, by hand (biased)"}
+    runs = [r for r in json.loads(Path(path).read_text())["benchmarks"] if r["name"].startswith("goals/")]
+    problems = sorted({r["name"].split("/")[1] for r in runs})
+    figure, axes = plt.subplots(2, -(-len(problems) // 2), figsize=(12, 5.6), layout="constrained", squeeze=False)
+    for ax, problem in zip(axes.flat, problems):
+        for (method, name), marker in zip(names.items(), "os^v"):
+            for r in runs:
+                if r["name"].split("/")[1:3] != [problem, method]:
+                    continue
+                count = sum(key.startswith("work_") for key in r)
+                ax.loglog([r[f"work_{i}"] for i in range(count)], [r[f"error_{i}"] for i in range(count)],
+                          marker=marker, markersize=4, label=f"{name}")
+                ax.set_title(problem, fontsize=10)
+        ax.grid(alpha=0.3)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("rms error")
+    for ax in axes[-1]:
+        ax.set_xlabel("work, pilots included")
+    figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    save("slope", figure)
+
+
+if len(sys.argv) > 1:
+    draw_slopes(sys.argv[1])
+    sys.exit()
 
 figure, ax = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
 errors = (0.2, 0.1, 0.05, 0.025, 0.0125)

@@ -3,8 +3,8 @@
 // The pilot's nets: V_k(N) of some levels, and the blocks that they ask for.
 //
 // R = 12 nets a level, each level about the same work, give V_k(2^j) for every j at once (survey/levels.hpp). Deeper levels fall
-// from the last measured one as the posterior says. A run has 32 blocks or more, of at least 1000 draws of the base in work each,
-// since Student's interval takes their means for normal ones (coverage: the [long] cases of tests/recipe/nets_test.cpp). Their number
+// from the last measured one as the posterior says. A run has 32 blocks or more, four times their kurtosis at least, of at least 1000 draws of the base in work
+// each, since Student's interval takes their means for normal ones (coverage: the [long] cases of tests/recipe/nets_test.cpp). Their number
 // is fixed here and the run is drawn afresh: blocks added until the error is small would stop on a lucky one.
 
 #include <cstdint>
@@ -52,7 +52,8 @@ class NetPilot {
  private:
   struct Levels;
   const NetMoments* measured(std::int64_t level, bool as_base, double work);
-  std::optional<Levels> levels_of(std::int64_t base_level, double work, const Survey& survey);
+  /// `decay` of E D_k^2 beyond the levels that nets show.
+  std::optional<Levels> levels_of(std::int64_t base_level, double work, const Survey& survey, double decay);
   std::optional<Found> from(std::int64_t base_level, double work, const Plan& plan, const Advice& plain,
                             double seconds_left);
 

@@ -14,7 +14,8 @@ constexpr double least_lambda = 1;     // plain numbers have it
 constexpr double most_lambda = 3;      // of a scrambled net [Owen 1997]
 constexpr int most_octaves = 26;       // of a level: a net has 2^27 points
 constexpr double octaves_known = 0.6;  // to that a variance of 12 nets is known
-constexpr int most_growth = 3;         // octaves at once: a net may gain by the second of two
+constexpr double seen_in_blocks = 1.0 / 64;
+constexpr int most_growth = 3;  // octaves at once: a net may gain by the second of two
 
 // lambda over the upper half of the octaves.
 double lambda_of(const std::vector<double>& variance, double doubts) {
@@ -50,6 +51,17 @@ std::vector<Tail> tails_of(const std::vector<NetLevel>& levels, double theta) {
   return tails;
 }
 
+// E (D / p)^4 of a draw of the tail from a level on, as far as one in so many blocks sees it.
+double fourth_of_tail(const std::vector<NetLevel>& levels, std::size_t first, double theta) {
+  const double q = std::exp2(-theta);
+  double fourth = 0;
+  double mass = 1 - q;
+  for (std::size_t k = first; k < levels.size() && mass >= seen_in_blocks; ++k, mass *= q) {
+    fourth += levels[k].kurtosis * std::pow(levels[k].second_moment, 2) / std::pow(mass, 3);
+  }
+  return fourth;
+}
+
 }  // namespace
 
 double NetLevel::variance_of(int octaves, double doubts) const {
@@ -74,11 +86,17 @@ std::vector<NetBlock> net_blocks(const std::vector<NetLevel>& levels, double the
   std::vector<NetBlock> blocks;
   std::vector<int> head = {0};
   for (;;) {
-    NetBlock block{head, tails[head.size()].variance, tails[head.size()].work};
+    const Tail& tail = tails[head.size()];
+    NetBlock block{head, tail.variance, tail.work};
+    double fourth = fourth_of_tail(levels, head.size(), theta);
     for (std::size_t k = 0; k < head.size(); ++k) {
-      block.variance += levels[k].variance_of(head[k]);
-      block.work += std::exp2(head[k]) * levels[k].work;
+      const double n = std::exp2(head[k]);
+      const double variance = levels[k].variance_of(head[k]);
+      block.variance += variance;
+      block.work += n * levels[k].work;
+      fourth += variance * variance * levels[k].kurtosis / n;
     }
+    block.kurtosis = 3 + (block.variance > 0 ? fourth / (block.variance * block.variance) : 0);
     blocks.push_back(block);
     if (enough(block)) return blocks;
     // One level more, or more points of one.

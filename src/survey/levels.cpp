@@ -69,7 +69,8 @@ NetMoments detail::net_moments(const Statistics& s, int octaves) {
   for (std::size_t j = top; j-- > 0;) m.variance[j] = m.variance[j + 1] + s.components[j].mean;
   m.second_moment += m.variance[0];
   for (const LevelRow& row : s.levels) {
-    m.hits = row.kurtosis > 0 ? static_cast<double>(row.count) / row.kurtosis : 0;
+    m.points = static_cast<double>(row.count);
+    m.hits = row.kurtosis > 0 ? m.points / row.kurtosis : 0;
   }
   m.work = s.work;
   m.seconds = s.seconds;

@@ -124,18 +124,25 @@ struct OneByOne {
   }
 };
 
-/// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record).
+/// Draws by the index of a stream; those of a pilot have streams of their own.
+template <Estimator E>
+auto draws_of(const E& estimator, std::uint64_t seed, const bool& pilot) {
+  return [&estimator, &pilot, seed](std::int64_t i, auto& record) {
+    Stream rng(seed, static_cast<std::uint64_t>(i));
+    if (pilot) rng = debias::split(rng, Branch::pilot);
+    return debias::draw_sample(estimator, rng, record);
+  };
+}
+
+/// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record); without
+/// the mean in the type of the value.
 template <Estimator E, class Way>
-Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan& plan) {
+Statistics statistics_by(Way& way, const E& estimator, const Plan& plan) {
   using V = estimate_value_t<E>;
   const Pieces pieces = detail::pieces_of(estimator);
   const std::int64_t block = pieces.block;
   bool pilot = false;
-  const auto draw = [&](std::int64_t i, auto& record) {
-    Stream rng(plan.seed, static_cast<std::uint64_t>(i));
-    if (pilot) rng = debias::split(rng, Branch::pilot);
-    return debias::draw_sample(estimator, rng, record);
-  };
+  const auto draw = draws_of(estimator, plan.seed, pilot);
   const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
     way.chunk(first / block, last / block, draw, recorder);
   };
@@ -179,12 +186,27 @@ Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan
     }
     statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
-  statistics = detail::with_rounding<V>(std::move(statistics));
+  return detail::with_rounding<V>(std::move(statistics));
+}
+
+template <Estimator E, class Way>
+Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan& plan) {
+  using V = estimate_value_t<E>;
+  Statistics statistics = detail::statistics_by(way, estimator, plan);
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again
-    return Result<V>(std::move(statistics), way.again(plan.first / block, draw));
+    const bool pilot = false;
+    return Result<V>(std::move(statistics),
+                     way.again(plan.first / pieces_of(estimator).block, draws_of(estimator, plan.seed, pilot)));
   }
+}
+
+/// What a run says, where nobody asks for its mean in the type of the value: nothing is drawn again for that.
+template <Estimator E>
+Statistics statistics_of(const E& estimator, const Plan& plan) {
+  const OneByOne way;
+  return detail::statistics_by(way, estimator, plan);
 }
 
 }  // namespace detail

@@ -166,7 +166,11 @@ class FiniteDifference {
   /// infinite if that does not fall, or if the levels do not: those of the run or, of an f without noise, which
   /// is evaluated once more, all of them. Rounding: f within eps of f(x (1 + eps)), its size measured at `at`.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
-    const auto seen = detail::see_differences(levels, last_level_, rates);
+    auto seen = detail::see_differences(levels, last_level_, rates);
+    // A level whose draws hit nothing but rounding says nothing of how differences fall.
+    std::erase_if(seen.moments, [this](const detail::DifferenceMoment& m) {
+      return m.log_square < 2 * std::log(rounding_error(m.level));
+    });
     return detail::bound_of_differences(seen, doubt_of(seen.moments), last_level_, rates, rounding_error(last_level_));
   }
 

@@ -4,8 +4,10 @@
 //
 //   variance of a block  =  sum_(k < K) V_k(2^(m_k))   +  sum_j E D_(K+j)^2 / p_j
 //   work of a block      =  sum_(k < K) 2^(m_k) work_k +  sum_j p_j work_(K+j),           p_j = (1 - q) q^j, q = 2^-theta
+//   kurtosis of it       =  3 + [sum_k V_k(2^(m_k))^2 kappa_k / 2^(m_k) + sum_j kappa_(K+j) (E D_(K+j)^2)^2 / p_j^3] / variance^2
 //
-//   Notation: V_k(n) = variance of a mean over n points of level k, m = log2_counts, K = m.size(), theta = exponent of the tail.
+//   Notation: V_k(n) = variance of a mean over n points of level k, kappa_k = E D_k^4 / (E D_k^2)^2, m = log2_counts, K = m.size(),
+//   theta = exponent of the tail; of its fourth moments those count that a run of blocks is likely to see.
 // With V_k ~ N^-lambda the best N_k are (V_k / work_k)^(1 / (1 + lambda)). Lambda is another one for each level, and powers of two
 // are wanted, so the blocks grow greedily instead: by whatever takes most variance for its work, 2, 4 or 8 times the points of one
 // level, or one level more with a single point. A draw of the tail counts with its whole second moment: its level is random.
@@ -23,6 +25,7 @@ struct NetLevel {
   std::vector<double> variance;  ///< V(1), V(2), V(4), ...; not empty, falls
   double second_moment = 0;      ///< E D^2
   double work = 1;               ///< of a point
+  double kurtosis = 3;           ///< of a point: E D^4 / (E D^2)^2
 
   /// V(2^octaves). Beyond the measured octaves lambda is one fitted to a few nets: `doubts` of its standard errors are taken from
   /// it, so that a block whose gain is hoped for only shows it.
@@ -32,7 +35,8 @@ struct NetLevel {
 struct NetBlock {
   std::vector<int> log2_counts;  ///< m_k of the head
   double variance = 0;
-  double work = 0;  ///< expected
+  double work = 0;      ///< expected
+  double kurtosis = 3;  ///< of a block's mean, from independent levels
 
   /// Members: all points, and the draw of the tail.
   [[nodiscard]] double members() const;

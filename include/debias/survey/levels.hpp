@@ -57,8 +57,12 @@ struct NetMoments {
   std::vector<double> mean;      ///< by component
   double second_moment = 0;      ///< of one point: the squared norm
   double hits = 0;               ///< points that make it: their number over the kurtosis
+  double points = 0;             ///< of all nets
   double work = 0;               ///< of all points
   double seconds = 0;
+
+  /// Of one point; at least that where all are zero.
+  [[nodiscard]] double kurtosis() const { return hits > 0 ? points / hits : points; }
 };
 
 /// The erased levels of a sequence.
@@ -365,22 +369,24 @@ LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
   runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
-    return debias::estimate(detail::LevelDraw<S>{sequence, level}, plan);
+    return detail::statistics_of(detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
   runs.nets = [sequence](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
-    return detail::net_moments(debias::estimate(detail::NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
+    return detail::net_moments(detail::statistics_of(detail::NetDraw<S>{sequence, level, as_base, octaves}, plan),
+                               octaves);
   };
   runs.facts = facts_of(sequence);
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
-      return detail::shared_moments(debias::estimate(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
+      return detail::shared_moments(
+          detail::statistics_of(detail::SharedLevelDraw<S>{sequence, level, base_level}, plan));
     };
   }
   if constexpr (BatchesLevels<S>) {
     runs.together = [sequence](std::int64_t level, std::int64_t base_level, std::int64_t members, const Plan& plan) {
       return detail::strata_moments(
-          debias::estimate(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
+          detail::statistics_of(detail::TogetherDraw<S>{sequence, level, base_level, members}, plan), members);
     };
   }
   return runs;
