@@ -8,22 +8,37 @@
 // growth: the schemes of sde.hpp fail where they are not. Source: Kloeden & Platen, 1992.
 
 #include <concepts>
+#include <type_traits>
+#include <utility>
 
 namespace debias {
 
+namespace detail {
+template <class T>
+using number_t = std::conditional_t<std::is_arithmetic_v<T>, double, T>;
+template <class M>
+using state_of = number_t<std::remove_cvref_t<decltype(std::declval<const M&>().start)>>;
+template <class M>
+using time_of = number_t<std::remove_cvref_t<decltype(std::declval<const M&>().horizon)>>;
+
+/// A number that is followed along a path: double, or one of those that say so, like Dual (sde/dual.hpp).
+template <class T>
+inline constexpr bool is_number = std::convertible_to<T, double>;
+}  // namespace detail
+
 /// What is to be solved: any struct with `start`, `horizon`, `drift(x, t)` and `diffusion(x, t)`.
 template <class M>
-concept ScalarSde = requires(const M& m, double x, double t) {
-  { m.start } -> std::convertible_to<double>;
-  { m.horizon } -> std::convertible_to<double>;
-  { m.drift(x, t) } -> std::convertible_to<double>;
-  { m.diffusion(x, t) } -> std::convertible_to<double>;
+concept ScalarSde = requires(const M& m, const detail::state_of<M>& x, double t) {
+  requires detail::is_number<detail::state_of<M>>;
+  requires detail::is_number<detail::time_of<M>>;
+  { m.drift(x, t) } -> std::convertible_to<detail::state_of<M>>;
+  { m.diffusion(x, t) } -> std::convertible_to<detail::state_of<M>>;
 };
 
 /// The same with `diffusion_derivative(x, t)`, the derivative of the diffusion in x.
 template <class M>
-concept DifferentiableSde = ScalarSde<M> && requires(const M& m, double x, double t) {
-  { m.diffusion_derivative(x, t) } -> std::convertible_to<double>;
+concept DifferentiableSde = ScalarSde<M> && requires(const M& m, const detail::state_of<M>& x, double t) {
+  { m.diffusion_derivative(x, t) } -> std::convertible_to<detail::state_of<M>>;
 };
 
 /// dX = growth X dt + volatility X dW.
@@ -49,6 +64,28 @@ struct OrnsteinUhlenbeck {
   [[nodiscard]] double drift(double x, double /*t*/) const { return reversion * (mean - x); }
   [[nodiscard]] double diffusion(double /*x*/, double /*t*/) const { return volatility; }
   [[nodiscard]] double diffusion_derivative(double /*x*/, double /*t*/) const { return 0; }
+};
+
+/// dX = rate X dt + volatility X dW, of any number: those of sensitivities. Only a horizon that is a parameter needs its type.
+template <class X = double, class Time = double>
+struct BlackScholes {
+  X start = X(1);
+  X rate = X(0);
+  X volatility = X(1);
+  Time horizon = Time(1);
+
+  template <class T>
+  [[nodiscard]] X drift(const X& x, const T& /*t*/) const {
+    return rate * x;
+  }
+  template <class T>
+  [[nodiscard]] X diffusion(const X& x, const T& /*t*/) const {
+    return volatility * x;
+  }
+  template <class T>
+  [[nodiscard]] X diffusion_derivative(const X& /*x*/, const T& /*t*/) const {
+    return volatility;
+  }
 };
 
 }  // namespace debias
