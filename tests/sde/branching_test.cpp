@@ -137,8 +137,8 @@ TEST_CASE("a knock-out that pays by whether its minimum stays above a barrier is
                                    std::exp(2 * drift * log_barrier / 0.04) * phi((drift + log_barrier) / 0.2));
   const auto r =
       estimate(single_term(milstein(stock, Minimum{}, knock_out, Branching{}, {1.5, 1.2}), {.base_level = 2}),
-               {.samples = 1 << 15, .seed = 17});
+               {.samples = 1 << 13, .seed = 17});
   INFO(r);
   CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
-  CHECK(std::abs(r.mean - 1.05 * truth) > 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - 1.1 * truth) > 4.5 * r.standard_error);
 }
