@@ -75,7 +75,7 @@ class SdeLevels {
  public:
   using value_type =
       std::remove_cvref_t<decltype(detail::paid<Step, Time>(std::declval<const Path&>(), std::declval<const F&>()))>;
-  static constexpr std::int64_t last_level = 62;
+  static constexpr std::int64_t last_level = Step::is_branched ? 57 : 62;  ///< its steps can be counted
 
   SdeLevels(M model, Summary summary, F payoff, const Rates& declared)
       : rates(declared), model_(std::move(model)), summary_(std::move(summary)), payoff_(std::move(payoff)) {
@@ -83,6 +83,7 @@ class SdeLevels {
     if (!(horizon > 0) || !std::isfinite(horizon)) {
       throw std::invalid_argument("sde: horizon = " + detail::format("%g", horizon) + " (must be positive and finite)");
     }
+    if constexpr (requires { model_.check(); }) model_.check();
     noises_ = Step::noises(model_);
   }
 
@@ -119,38 +120,21 @@ class SdeLevels {
   // ---- many members at once
 
   static constexpr bool batches = std::same_as<detail::state_of<M>, double> && std::same_as<value_type, double> &&
-                                  std::derived_from<Step, EulerStep> && !Step::is_branched && !Step::is_smoothed;
+                                  std::derived_from<Step, EulerStep> && !Step::is_smoothed;
 
   void values(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
-    along(steps_of(level), batch, [&](std::int64_t steps, double h, auto&& numbers) {
+    if (level > 0) return draws<PathsAlone>(level, batch, out);
+    along(1, batch, [&](std::int64_t /*steps*/, double h, auto&& numbers) {
       Paths paths(model_, summary_, out.size());
-      for (std::int64_t i = 0; i < steps; ++i) {
-        numbers.next();
-        paths.step(static_cast<double>(i) * h, h, numbers.increments(), numbers.uniforms());
-      }
-      for (std::size_t b = 0; b < out.size(); ++b) out[b] = {paths.pay(payoff_, b), static_cast<double>(steps)};
+      numbers.next();
+      paths.step(0.0, h, numbers.increments(), numbers.uniforms());
+      for (std::size_t b = 0; b < out.size(); ++b) out[b] = {paths.pay(payoff_, b), 1};
     });
   }
 
   void differences(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const requires batches {
     if (level == 0) return values(level, batch, out);
-    along(steps_of(level), batch, [&](std::int64_t steps, double h, auto&& numbers) {
-      Paths fine(model_, summary_, out.size());
-      Paths coarse(model_, summary_, out.size());
-      for (std::int64_t i = 0; i < steps; i += 2) {
-        const double t = static_cast<double>(i) * h;
-        numbers.next();
-        const double* const dw1 = numbers.increments();
-        const double* const u1 = numbers.uniforms();
-        numbers.next();
-        fine.step(t, h, dw1, u1);
-        fine.step(static_cast<double>(i + 1) * h, h, numbers.increments(), numbers.uniforms());
-        coarse.double_step(t, h, dw1, numbers.increments(), u1, numbers.uniforms());
-      }
-      for (std::size_t b = 0; b < out.size(); ++b) {
-        out[b] = {fine.pay(payoff_, b) - coarse.pay(payoff_, b), 1.5 * static_cast<double>(steps)};
-      }
-    });
+    draws<PathsCoupled>(level, batch, out);
   }
 
   Rates rates;
@@ -182,8 +166,12 @@ class SdeLevels {
   template <class Walk>
   [[gnu::always_inline]] void along(std::int64_t steps, StreamBatch& batch, const Walk& walk) const {
     const double h = model_.horizon / static_cast<double>(steps);
-    if (batch.is_net()) return along_bridges(steps, h, batch, walk);
-    walk(steps, h, Numbers(batch, steps, std::sqrt(h)));
+    if constexpr (Step::is_branched) {
+      walk(steps, h, Numbers(batch, static_cast<std::int64_t>(Step::steps_of_tree(steps)), std::sqrt(h)));
+    } else {
+      if (batch.is_net()) return along_bridges(steps, h, batch, walk);
+      walk(steps, h, Numbers(batch, steps, std::sqrt(h)));
+    }
   }
   template <class Walk>
   [[gnu::noinline]] void along_bridges(std::int64_t steps, double h, StreamBatch& batch, const Walk& walk) const {
@@ -300,6 +288,74 @@ class SdeLevels {
     Draw<value_type> one = grow(other, fork, steps, h, rng, noise);
     const Draw<value_type> two = grow(kin, fork, steps, h, rng, noise);
     return {debias::sum(std::move(one.value), two.value), debias::sum(std::move(one.difference), two.difference)};
+  }
+
+  /// The same of a batch: its draws of a level above 0, those of I_k alone or of D_k.
+  struct PathsAlone {
+    static constexpr double paths = 1;
+    Paths fine;
+
+    PathsAlone(const M& model, const Summary& summary, std::size_t size) : fine(model, summary, size) {}
+
+    template <class Numbers>
+    [[gnu::always_inline]] void two_steps(std::int64_t i, double h, Numbers& numbers) {
+      for (const std::int64_t step : {i, i + 1}) {
+        numbers.next();
+        fine.step(static_cast<double>(step) * h, h, numbers.increments(), numbers.uniforms());
+      }
+    }
+    double pay(const F& payoff, std::size_t b) const { return fine.pay(payoff, b); }
+  };
+  struct PathsCoupled {
+    static constexpr double paths = 1.5;
+    Paths fine;
+    Paths coarse;
+
+    PathsCoupled(const M& model, const Summary& summary, std::size_t size)
+        : fine(model, summary, size), coarse(model, summary, size) {}
+
+    template <class Numbers>
+    [[gnu::always_inline]] void two_steps(std::int64_t i, double h, Numbers& numbers) {
+      const double t = static_cast<double>(i) * h;
+      numbers.next();
+      const double* const dw1 = numbers.increments();
+      const double* const u1 = numbers.uniforms();
+      numbers.next();
+      fine.step(t, h, dw1, u1);
+      fine.step(static_cast<double>(i + 1) * h, h, numbers.increments(), numbers.uniforms());
+      coarse.double_step(t, h, dw1, numbers.increments(), u1, numbers.uniforms());
+    }
+    double pay(const F& payoff, std::size_t b) const { return fine.pay(payoff, b) - coarse.pay(payoff, b); }
+  };
+  template <class Kin>
+  void draws(std::int64_t level, StreamBatch& batch, std::span<Term<value_type>> out) const {
+    along(steps_of(level), batch, [&](std::int64_t steps, double h, auto&& numbers) {
+      Kin kin(model_, summary_, out.size());
+      if constexpr (Step::is_branched) {
+        for (auto& term : out) term = {0, Kin::paths * Step::steps_of_tree(steps)};
+        grow(kin, 0, steps, h, numbers, out);
+        for (auto& term : out) term.value /= static_cast<double>(steps) / 2;
+      } else {
+        for (std::int64_t i = 0; i < steps; i += 2) kin.two_steps(i, h, numbers);
+        for (std::size_t b = 0; b < out.size(); ++b) {
+          out[b] = {kin.pay(payoff_, b), Kin::paths * static_cast<double>(steps)};
+        }
+      }
+    });
+  }
+  template <class Kin, class Numbers>
+  void grow(Kin& kin, std::int64_t from, std::int64_t steps, double h, Numbers& numbers,
+            std::span<Term<value_type>> out) const {
+    const std::int64_t remain = steps - from;
+    const std::int64_t fork = remain == 2 ? steps : from + remain / 2;
+    for (std::int64_t i = from; i < fork; i += 2) kin.two_steps(i, h, numbers);
+    if (fork == steps) {
+      for (std::size_t b = 0; b < out.size(); ++b) out[b].value += kin.pay(payoff_, b);
+      return;
+    }
+    Kin other = kin;
+    grow(other, fork, steps, h, numbers, out);
+    grow(kin, fork, steps, h, numbers, out);
   }
 
   static double bridge_number([[maybe_unused]] Stream& rng) {

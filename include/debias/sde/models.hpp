@@ -1,15 +1,21 @@
 #pragma once
 
-// What a scalar stochastic differential equation is made of, and two that are known.
+// What a scalar stochastic differential equation is made of, and some that are known; more in sde/market.hpp.
 //
 //   dX = a(X, t) dt + b(X, t) dW on [0, T], X_0 = start
 //
+// A model may have `check()`, which throws std::invalid_argument where it is not defined.
 // Notation: a = drift, b = diffusion, b_x = diffusion_derivative, T = horizon. Coefficients must be smooth and of linear
 // growth: the schemes of sde.hpp fail where they are not. Source: Kloeden & Platen, 1992.
 
+#include <cmath>
 #include <concepts>
+#include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <utility>
+
+#include <debias/core/text.hpp>
 
 namespace debias {
 
@@ -24,6 +30,17 @@ using time_of = number_t<std::remove_cvref_t<decltype(std::declval<const M&>().h
 /// A number that is followed along a path: double, or one of those that say so, like Dual (sde/dual.hpp).
 template <class T>
 inline constexpr bool is_number = std::convertible_to<T, double>;
+
+/// Throw std::invalid_argument; a NaN does not pass.
+inline void require_finite(const char* what, double x) {
+  if (!std::isfinite(x))
+    throw std::invalid_argument(std::string(what) + " = " + detail::format("%g", x) + " (must be finite)");
+}
+inline void require_positive(const char* what, double x) {
+  if (!(x > 0) || !std::isfinite(x)) {
+    throw std::invalid_argument(std::string(what) + " = " + detail::format("%g", x) + " (must be positive and finite)");
+  }
+}
 }  // namespace detail
 
 /// What is to be solved: any struct with `start`, `horizon`, `drift(x, t)` and `diffusion(x, t)`.
@@ -85,6 +102,12 @@ struct BlackScholes {
   template <class T>
   [[nodiscard]] X diffusion_derivative(const X& /*x*/, const T& /*t*/) const {
     return volatility;
+  }
+  /// Throws std::invalid_argument unless start and volatility are positive, and all is finite.
+  void check() const {
+    detail::require_positive("BlackScholes: start", static_cast<double>(start));
+    detail::require_positive("BlackScholes: volatility", static_cast<double>(volatility));
+    detail::require_finite("BlackScholes: rate", static_cast<double>(rate));
   }
 };
 

@@ -4,6 +4,7 @@
 //
 //   E (X - K)^+ = (m - K) Phi(d) + s phi(d),   P(X > K) = Phi(d),   d = (m - K) / s,   X ~ N(m, s^2)
 //
+// and over a lognormal one, Black's formula: p.lognormal(forward, deviation of the logarithm).
 // Notation: K = strike, m = mean, s = deviation, phi and Phi = density and distribution of N(0, 1). A payoff of yours takes part
 // with two members, `p(x)` and `p.expected(mean, deviation)`, of any number type; one that depends on the model has `p.at(model)`,
 // which returns such a payoff.
@@ -45,6 +46,13 @@ Dual<n, T> expected_call(const Dual<n, T>& gap, const Dual<n, T>& deviation) {
   return chain<n, T>(gap.value * above + deviation.value * density, above, gap, density, deviation);
 }
 
+/// d_2 of Black's formula.
+template <class X>
+X log_moneyness(const X& forward, double strike, const X& deviation) {
+  using std::log;
+  return log(X(forward / strike)) / deviation - deviation / 2;
+}
+
 }  // namespace detail
 
 /// (x - strike)^+.
@@ -59,6 +67,11 @@ struct CallPayoff {
   template <class X>
   X expected(const X& mean, const X& deviation) const {
     return detail::expected_call(X(mean - strike), deviation);
+  }
+  template <class X>
+  X lognormal(const X& forward, const X& deviation) const {
+    const X d = detail::log_moneyness(forward, strike, deviation);
+    return forward * normal_distribution(X(d + deviation)) - strike * normal_distribution(d);
   }
 };
 
@@ -75,6 +88,11 @@ struct PutPayoff {
   X expected(const X& mean, const X& deviation) const {
     return detail::expected_call(X(strike - mean), deviation);
   }
+  template <class X>
+  X lognormal(const X& forward, const X& deviation) const {
+    const X d = detail::log_moneyness(forward, strike, deviation);
+    return strike * normal_distribution(X(-d)) - forward * normal_distribution(X(-d - deviation));
+  }
 };
 
 /// `paid` where x > strike: a slope it has only as an expectation.
@@ -87,6 +105,10 @@ struct DigitalPayoff {
   template <class X>
   X expected(const X& mean, const X& deviation) const {
     return paid * normal_distribution(X((mean - strike) / deviation));
+  }
+  template <class X>
+  X lognormal(const X& forward, const X& deviation) const {
+    return paid * normal_distribution(detail::log_moneyness(forward, strike, deviation));
   }
 };
 

@@ -49,6 +49,15 @@ struct MilsteinStep : EulerStep {
   }
 };
 
+/// The model's own step, `step(x, t, h, dw)`, of strong order one like Milstein's.
+struct OwnStep : MilsteinStep {
+  template <ScalarSde M, class T, class H>
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
+                                     const detail::state_of<M>& /*b*/, const H& dw) {
+    return model.step(x, t, h, dw);
+  }
+};
+
 /// The same scheme, but for its last step: not drawn, Euler's step is what the payoff takes its expectation over. The coarse path
 /// of a level does so given the first half of the increment, and keeps its mean by that.         [Burgos & Giles 2012]
 template <class Step>
