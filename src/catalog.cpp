@@ -154,6 +154,12 @@ const std::vector<Problem>& problems() {
       second_moment_of_ou(),
       geometric_asian_call(),
       clark_cameron(),
+      digital_call(),
+      call_delta(),
+      call_vega(),
+      digital_delta(),
+      call_rho(),
+      call_theta(),
       // F: nested expectations
       nested_max(),
       nested_square(),

@@ -23,6 +23,7 @@
 #include <debias/core/value.hpp>
 #include <debias/core/vector_math.hpp>
 #include <debias/core/warning.hpp>
+#include <debias/covariance.hpp>
 #include <debias/derivative.hpp>
 #include <debias/derivative/partial.hpp>
 #include <debias/diagnostics.hpp>
@@ -48,6 +49,9 @@
 #include <debias/recipe/optimal_pmf.hpp>
 #include <debias/reciprocal.hpp>
 #include <debias/sde.hpp>
+#include <debias/sde/likelihood_ratio.hpp>
+#include <debias/sde/market.hpp>
+#include <debias/sde/sensitivities.hpp>
 #include <debias/series.hpp>
 #include <debias/steady_state.hpp>
 #include <debias/survey.hpp>

@@ -9,12 +9,13 @@
 //   Notation: a = drift, b = diffusion, b_x = diffusion_derivative, T = horizon, h = T 2^-k.
 // Lipschitz payoffs of the end, an average or an extreme: E D_k^2 ~ 2^(-2 k) under milstein, 2^(-1.5 k)
 // behind a barrier (declare it), 2^-k under euler, where no PMF has finite variance and finite work. With
-// additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2).
+// additive noise, b_x = 0, the schemes are one: declare {2, 1}. Payoffs that jump: 2^-k and 2^(-k/2); on trees, which
+// `Branching{}` asks for, 2^(-2 k) and 2^-k [Giles & Haji-Ali 2022]. Derivatives in parameters: sde/sensitivities.hpp.
 // Numbers: a path draws increment 0, the number of its bridge if a summary uses one, increment 1, ... As a point of a net
 // (estimators/stratified.hpp) it draws the end, midpoints by levels, then the numbers of the bridges in time: sde/brownian.hpp.
 // Coefficients must be smooth and of linear growth. While a_x h < -2 a path is unstable: put the base level
 // above. A path that leaves the finite numbers makes its sample NaN, whatever the payoff makes of it.
-// Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015).
+// Sources: Giles, Oper. Res. 56 (2008); Rhee & Glynn, Oper. Res. 63 (2015); Giles & Haji-Ali, arXiv 2209.03017.
 
 #include <type_traits>
 #include <utility>
@@ -59,6 +60,29 @@ auto milstein(M model, F payoff, const Rates& rates = {2, 1}) {
 template <DifferentiableSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
 auto milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
   return SdeLevels<MilsteinStep, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff), rates);
+}
+
+/// Asks for paths that branch: `milstein(stock, digital, Branching{})`, with or without a summary, scalar or vector.
+struct Branching {};
+
+/// The same on trees of Milstein's scheme, for payoffs that jump: E D_k^2 ~ 2^(-2 k), up to a factor of k, in a work of
+/// (k + 1) 2^(k - 1) steps of the fine path. Euler's trees have E D_k^2 ~ 2^-k then: no PMF.
+template <DifferentiableSde M, TerminalPayoff F>
+auto milstein(M model, F payoff, Branching /*tree*/, const Rates& rates = {2, 1.2}) {
+  return SdeLevels<Branched<MilsteinStep>, M, detail::EndOnly, F>(std::move(model), {}, std::move(payoff), rates);
+}
+template <DifferentiableSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
+auto milstein(M model, Summary summary, F payoff, Branching /*tree*/, const Rates& rates = {2, 1.2}) {
+  return SdeLevels<Branched<MilsteinStep>, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff),
+                                                          rates);
+}
+template <ScalarSde M, TerminalPayoff F>
+auto euler(M model, F payoff, Branching /*tree*/, const Rates& rates = {1, 1.2}) {
+  return SdeLevels<Branched<EulerStep>, M, detail::EndOnly, F>(std::move(model), {}, std::move(payoff), rates);
+}
+template <ScalarSde M, PathSummary<double> Summary, TerminalPayoff<Summary> F>
+auto euler(M model, Summary summary, F payoff, Branching /*tree*/, const Rates& rates = {1, 1.2}) {
+  return SdeLevels<Branched<EulerStep>, M, Summary, F>(std::move(model), std::move(summary), std::move(payoff), rates);
 }
 
 }  // namespace debias

@@ -81,6 +81,13 @@ Problem mean_of_gbm();
 Problem second_moment_of_ou();
 Problem geometric_asian_call();
 Problem clark_cameron();
+// and their derivatives in parameters (greeks.cpp)
+Problem digital_call();
+Problem call_delta();
+Problem call_vega();
+Problem digital_delta();
+Problem call_rho();
+Problem call_theta();
 
 // F: nested expectations (nested.cpp)
 Problem nested_max();

@@ -24,17 +24,19 @@ struct Stated {
 };
 
 // Not here: rates without a power of two (B01, B04, B14, B17, D07, D09, H02, M01), those that a logarithm or
-// 1 / k hides at ten levels (B15, D08, D17, D18, M08, M09, M10), and E05, whose kurtosis of 1000 hides it.
+// 1 / k hides at ten levels (B15, D08, D17, D18, M08, M09, M10), E05, whose kurtosis of 1000 hides it, and E14 and E15, whose
+// part of the kink falls faster at first. The work of trees is (k + 1) 2^k: 2^(1.17 k) at these levels.
 const std::vector<Stated> stated = {
-    {"A01", 2, 1},     {"A03", 2, 1},     {"A06", 2, 1},     {"A07", 2, 1},     {"A09", 2, 1},   {"A10", 2, 1},
-    {"A11", 2, 1},     {"A12", 2, 1},     {"A13", 2, 1},     {"A18", 2, 1},     {"A19", 1.5, 1}, {"A20", 2, 1},
-    {"A26", 2, 1},     {"B02", 4, 1},     {"B03", 4, 1},     {"B06", 4, 1},     {"B08", 4, 1},   {"B09", 4, 1},
-    {"B12", 4, 1},     {"B13", 4, 1},     {"B18", 2, 1},     {"C01", 2, 0},     {"C02", 4, 0},   {"C03", 2, 0},
-    {"C04", 1, 0},     {"C05", 4, 0},     {"C06", 1, 0},     {"C09", 4, 0},     {"C12", -1, 0},  {"D01", 2, 0},
-    {"D02", 0.148, 0}, {"D11", 1.029, 0}, {"D14", 0.644, 0}, {"D16", 1.515, 0}, {"D19", 2, 1},   {"E02", 2, 1},
-    {"E03", 2, 1},     {"E04", 2, 1},     {"E06", 1, 1},     {"E07", 2, 1},     {"E08", 2, 1},   {"E09", 2, 1},
-    {"E10", 2, 1},     {"F01", 1.5, 1},   {"F02", 2, 1},     {"F05", 1.5, 1},   {"F06", 2, 1},   {"H01", 2, 0},
-    {"H04", 2, 0},     {"H05", 3.17, 0},  {"H07", 1.585, 0}, {"M02", 4, 0},
+    {"A01", 2, 1},     {"A03", 2, 1},     {"A06", 2, 1},      {"A07", 2, 1},     {"A09", 2, 1},    {"A10", 2, 1},
+    {"A11", 2, 1},     {"A12", 2, 1},     {"A13", 2, 1},      {"A18", 2, 1},     {"A19", 1.5, 1},  {"A20", 2, 1},
+    {"A26", 2, 1},     {"B02", 4, 1},     {"B03", 4, 1},      {"B06", 4, 1},     {"B08", 4, 1},    {"B09", 4, 1},
+    {"B12", 4, 1},     {"B13", 4, 1},     {"B18", 2, 1},      {"C01", 2, 0},     {"C02", 4, 0},    {"C03", 2, 0},
+    {"C04", 1, 0},     {"C05", 4, 0},     {"C06", 1, 0},      {"C09", 4, 0},     {"C12", -1, 0},   {"D01", 2, 0},
+    {"D02", 0.148, 0}, {"D11", 1.029, 0}, {"D14", 0.644, 0},  {"D16", 1.515, 0}, {"D19", 2, 1},    {"E02", 2, 1},
+    {"E03", 2, 1},     {"E04", 2, 1},     {"E06", 1, 1},      {"E07", 2, 1},     {"E08", 2, 1},    {"E09", 2, 1},
+    {"E10", 2, 1},     {"E13", 2, 1.17},  {"E16", 1.5, 1.17}, {"E17", 2, 1.17},  {"E18", 2, 1.17}, {"F01", 1.5, 1},
+    {"F02", 2, 1},     {"F05", 1.5, 1},   {"F06", 2, 1},      {"H01", 2, 0},     {"H04", 2, 0},    {"H05", 3.17, 0},
+    {"H07", 1.585, 0}, {"M02", 4, 0},
 };
 
 // E D_(j+1) and E D_(j+1)^2, j = 0 ... 5, of a problem against exact ones, in standard errors.
@@ -76,8 +78,8 @@ TEST_CASE("E06, F02: surveys measure the exact level moments", "[catalog][survey
   CHECK(worst_z("F02", times(1.1, f02_mean), f02_square) > 5.5);
 }
 
-TEST_CASE("52 problems have their stated rates within 0.15", "[catalog][survey][stat]") {
-  CHECK(stated.size() == 52);
+TEST_CASE("56 problems have their stated rates within 0.15", "[catalog][survey][stat]") {
+  CHECK(stated.size() == 56);
   for (const Stated& s : stated) {
     const Survey measured = survey(find(s.id).levels, 10, {.samples = 8192, .seed = 3});
     INFO(s.id << ", stated " << s.variance << ", work " << s.work << '\n' << measured);

@@ -37,6 +37,8 @@ struct Market {
   [[nodiscard]] Exact gamma() const {
     return exp(Exact(-d1 * d1 / 2)) / sqrt(2 * boost::math::constants::pi<Exact>()) / (s * sigma);
   }
+  [[nodiscard]] Exact vega() const { return s * s * sigma * gamma(); }
+  [[nodiscard]] Exact rho() const { return s * discount * phi(d2); }
   /// Goldman, Sosin and Gatto 1979, with the minimum at S.
   [[nodiscard]] Exact lookback() const {
     const Exact a = sigma * sigma / (2 * r);
@@ -185,6 +187,12 @@ std::map<std::string, Exact> formulas() {
                                       {"E08", (1 + 3 * exp(Exact(-4))) / 4},
                                       {"E09", market.geometric_average()},
                                       {"E10", 1 / sqrt(cosh(one))},
+                                      {"E13", market.rho()},
+                                      {"E14", phi(market.d1)},
+                                      {"E15", market.vega()},
+                                      {"E16", 100 * market.gamma()},
+                                      {"E17", market.rho()},
+                                      {"E18", market.r * market.rho() + market.sigma * market.vega() / 2},
                                       {"F01", 1 / sqrt(2 * pi)},
                                       {"F02", 1},
                                       {"F05", 1 / sqrt(pi) - 1 / sqrt(2 * pi)},

@@ -21,22 +21,22 @@
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
+#include <debias/sde/models.hpp>
 #include <debias/sde/summaries.hpp>
 
 namespace debias {
 
 namespace detail {
 
-template <class M>
-using state_of = std::remove_cvref_t<decltype(std::declval<const M&>().start)>;
-
 /// A state of a model, number or vector. What is not finite stays so from step to step: looking at the end is enough.
 template <class State>
 bool is_finite_state(const State& x) {
   if constexpr (std::is_arithmetic_v<State>) {
     return std::isfinite(static_cast<double>(x));
-  } else {
+  } else if constexpr (requires { x.allFinite(); }) {
     return x.allFinite();
+  } else {
+    return debias::is_finite(x);
   }
 }
 
@@ -65,8 +65,8 @@ struct Steps {
   static constexpr bool takes_bridges = BridgeSummary<Summary> && std::same_as<State, double>;
 
   /// One step of length h.
-  template <class Noise>
-  static void step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw, double u) {
+  template <class H, class Noise>
+  static void step(const M& model, State& x, Summary& summary, const H& t, const H& h, const Noise& dw, double u) {
     const auto b = Step::diffusion(model, x, t);
     State next = Step::advance(model, x, t, h, b, dw);
     if constexpr (takes_bridges) {
@@ -78,8 +78,8 @@ struct Steps {
   }
 
   /// One step over two increments of length h: a summary of bridges sees the middle that they imply.
-  template <class Noise>
-  static void double_step(const M& model, State& x, Summary& summary, double t, double h, const Noise& dw1,
+  template <class H, class Noise>
+  static void double_step(const M& model, State& x, Summary& summary, const H& t, const H& h, const Noise& dw1,
                           const Noise& dw2, double u1, double u2) {
     const Noise both = dw1 + dw2;
     if constexpr (takes_bridges) {
@@ -90,7 +90,7 @@ struct Steps {
       summary.add(Bridge{middle, next, b, h}, u2);
       x = next;
     } else {
-      step(model, x, summary, t, 2 * h, both, 0);
+      step(model, x, summary, t, H(2 * h), both, 0);
     }
   }
 };
@@ -103,17 +103,29 @@ class Path : Steps<Step, M, Summary> {
  public:
   Path(const M& model, const Summary& summary) : model_(model), x_(model.start), summary_(summary) {}
 
-  template <class Noise>
-  void step(double t, double h, const Noise& dw, double u) {
+  template <class H, class Noise>
+  void step(const H& t, const H& h, const Noise& dw, double u) {
     Steps::step(model_, x_, summary_, t, h, dw, u);
   }
-  template <class Noise>
-  void double_step(double t, double h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
+  template <class H, class Noise>
+  void double_step(const H& t, const H& h, const Noise& dw1, const Noise& dw2, double u1, double u2) {
     Steps::double_step(model_, x_, summary_, t, h, dw1, dw2, u1, u2);
   }
   template <class F>
   auto pay(const F& payoff) const {
     return detail::pay(payoff, summary_, x_);
+  }
+  /// The expectation over a step of Euler's scheme of length h, of whose increment `dw` is known and `left` is the time of
+  /// what is not.
+  template <class F, class H>
+  auto expect(const F& payoff, const H& t, const H& h, const H& dw, const H& left) const {
+    using std::abs;
+    using std::sqrt;
+    const state_of<M> b = Step::diffusion(model_, x_, t);
+    const state_of<M> mean = x_ + model_.drift(x_, t) * h + b * dw;
+    std::remove_cvref_t<decltype(payoff.expected(mean, b))> value =
+        payoff.expected(mean, state_of<M>(abs(b) * sqrt(left)));
+    return is_finite_state(mean) ? value : debias::nan_like(std::move(value));
   }
 
  private:
@@ -121,6 +133,16 @@ class Path : Steps<Step, M, Summary> {
   state_of<M> x_;
   Summary summary_;
 };
+
+/// What a path of the scheme pays.
+template <class Step, class Time, class Path, class F>
+auto paid(const Path& path, const F& payoff) {
+  if constexpr (Step::is_smoothed) {
+    return path.expect(payoff, Time(), Time(), Time(), Time());
+  } else {
+    return path.pay(payoff);
+  }
+}
 
 /// One scalar path of each member of a batch, side by side: a step of one need not wait for that of another.
 template <class Step, class M, class Summary>

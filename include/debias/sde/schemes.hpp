@@ -7,6 +7,7 @@
 //
 // Notation: a = drift, b = diffusion, b_x = diffusion_derivative, h = length of the step. Unstable while a_x h < -2.
 
+#include <bit>
 #include <cstdint>
 
 #include <debias/core/stream.hpp>
@@ -14,32 +15,67 @@
 
 namespace debias {
 
-/// A scheme: how noise is drawn, how a step goes, and what a Bridge needs to know of it.
+/// A scheme: how noise is drawn, how a step goes, and what a Bridge needs to know of it. Time and noise are numbers of the
+/// horizon's type, the state is one of its own.
 struct EulerStep {
   static constexpr bool is_antithetic = false;
+  static constexpr bool is_branched = false;
+  static constexpr bool is_smoothed = false;
 
   template <ScalarSde M>
   static std::int64_t noises(const M& /*model*/) {
     return 1;
   }
-  template <ScalarSde M>
-  static double increment(std::int64_t /*noises*/, double sqrt_h, Stream& rng) {
+  template <ScalarSde M, class H>
+  static H increment(std::int64_t /*noises*/, const H& sqrt_h, Stream& rng) {
     return sqrt_h * rng.normal();
   }
-  template <ScalarSde M>
-  static double diffusion(const M& model, double x, double t) {
+  template <ScalarSde M, class T>
+  static detail::state_of<M> diffusion(const M& model, const detail::state_of<M>& x, const T& t) {
     return model.diffusion(x, t);
   }
-  template <ScalarSde M>
-  static double advance(const M& model, double x, double t, double h, double b, double dw) {
+  template <ScalarSde M, class T, class H>
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
+                                     const detail::state_of<M>& b, const H& dw) {
     return x + model.drift(x, t) * h + b * dw;
   }
 };
 
 struct MilsteinStep : EulerStep {
-  template <DifferentiableSde M>
-  static double advance(const M& model, double x, double t, double h, double b, double dw) {
+  template <DifferentiableSde M, class T, class H>
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
+                                     const detail::state_of<M>& b, const H& dw) {
     return x + model.drift(x, t) * h + b * dw + b * model.diffusion_derivative(x, t) * (dw * dw - h) / 2;
+  }
+};
+
+/// The model's own step, `step(x, t, h, dw)`, of strong order one like Milstein's.
+struct OwnStep : MilsteinStep {
+  template <ScalarSde M, class T, class H>
+  static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
+                                     const detail::state_of<M>& /*b*/, const H& dw) {
+    return model.step(x, t, h, dw);
+  }
+};
+
+/// The same scheme, but for its last step: not drawn, Euler's step is what the payoff takes its expectation over. The coarse path
+/// of a level does so given the first half of the increment, and keeps its mean by that.         [Burgos & Giles 2012]
+template <class Step>
+struct Smoothed : Step {
+  static constexpr bool is_smoothed = true;
+};
+
+/// The same scheme on a tree: every path splits in two at T (1 - 2^-j), j = 1, 2, ..., and the payoff is the mean over
+/// the leaves. The last fork is a coarse step before the end.                         [Giles & Haji-Ali 2022]
+template <class Step>
+struct Branched : Step {
+  static constexpr bool is_branched = true;
+
+  /// Steps of all branches of a tree whose paths have `steps` of them, 2^k: (k + 1) 2^(k - 1).
+  static double steps_of_tree(std::int64_t steps) {
+    if (steps == 1) return 1;
+    const int level = std::countr_zero(static_cast<std::uint64_t>(steps));
+    return static_cast<double>(level + 1) * static_cast<double>(steps) / 2;
   }
 };
 

@@ -161,8 +161,8 @@ namespace detail {
 
 /// Nothing but the end, which the payoff gets as it is.
 struct EndOnly {
-  template <class State>
-  void add(const State& /*from*/, const State& /*to*/, double /*length*/) {}
+  template <class State, class Length>
+  void add(const State& /*from*/, const State& /*to*/, const Length& /*length*/) {}
 };
 
 }  // namespace detail

@@ -45,6 +45,8 @@ concept DifferentiableVectorSde = VectorSde<M> && requires(const M& m, const det
 
 struct VectorEulerStep {
   static constexpr bool is_antithetic = false;
+  static constexpr bool is_branched = false;
+  static constexpr bool is_smoothed = false;
 
   template <VectorSde M>
   static auto diffusion(const M& model, const detail::state_of<M>& x, double t) {
@@ -128,6 +130,23 @@ auto antithetic_milstein(M model, F payoff, const Rates& rates = {2, 1}) {
 template <DifferentiableVectorSde M, PathSummary<detail::state_of<M>> Summary, TerminalPayoff<Summary> F>
 auto antithetic_milstein(M model, Summary summary, F payoff, const Rates& rates = {2, 1}) {
   return detail::vector_levels<AntitheticMilsteinStep>(std::move(model), std::move(summary), std::move(payoff), rates);
+}
+
+/// Both on trees, for payoffs that jump.
+template <DifferentiableVectorSde M, TerminalPayoff<detail::state_of<M>> F>
+auto milstein(M model, F payoff, Branching /*tree*/, const Rates& rates = {2, 1.2}) {
+  return detail::vector_levels<Branched<VectorMilsteinStep>>(std::move(model), detail::EndOnly{}, std::move(payoff),
+                                                             rates);
+}
+template <DifferentiableVectorSde M, PathSummary<detail::state_of<M>> Summary, TerminalPayoff<Summary> F>
+auto milstein(M model, Summary summary, F payoff, Branching /*tree*/, const Rates& rates = {2, 1.2}) {
+  return detail::vector_levels<Branched<VectorMilsteinStep>>(std::move(model), std::move(summary), std::move(payoff),
+                                                             rates);
+}
+template <DifferentiableVectorSde M, TerminalPayoff<detail::state_of<M>> F>
+auto antithetic_milstein(M model, F payoff, Branching /*tree*/, const Rates& rates) {
+  return detail::vector_levels<Branched<AntitheticMilsteinStep>>(std::move(model), detail::EndOnly{}, std::move(payoff),
+                                                                 rates);
 }
 
 }  // namespace debias

@@ -1,0 +1,73 @@
+// Payoffs that jump, and derivatives in the parameters of the market: S = K = 100, r = 0.05, sigma = 0.2, T = 1.
+
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include <debias/sde.hpp>
+#include <debias/sde/sensitivities.hpp>
+
+#include "groups.hpp"
+#include "make.hpp"
+
+namespace debias::catalog {
+namespace {
+
+const auto market = []<class X>(const X& spot, const X& volatility, const X& rate, const X& horizon) {
+  return BlackScholes<X, X>{.start = spot, .rate = rate, .volatility = volatility, .horizon = horizon};
+};
+
+// Component 1 is d/d spot, 2 d/d volatility, 3 d/d rate, 4 d/d horizon.
+template <class P>
+auto derivative(const P& payoff, std::size_t component) {
+  const auto all = sensitivities(Branched<Smoothed<MilsteinStep>>{}, market, discounted(payoff), 100.0, 0.2, 0.05, 1.0);
+  return component_of(all, component);
+}
+
+Problem call_derivative(Facts facts, std::size_t component) {
+  facts.module = "sde/sensitivities.hpp";
+  facts.formula += " of the call of E02, dual numbers and a conditional last step on trees: Black-Scholes";
+  return make(std::move(facts), derivative(CallPayoff{100}, component));
+}
+
+}  // namespace
+
+Problem digital_call() {
+  const BlackScholes<> stock{.start = 100, .rate = 0.05, .volatility = 0.2};
+  const double paid = 100 * std::exp(-0.05);
+  return make({.id = "E13",
+               .name = "digital-call",
+               .module = "sde.hpp",
+               .truth = 53.23248154537634034067,
+               .formula = "100 where S_T > 100, Milstein on trees: 100 exp(-r T) Phi(d_2)"},
+              milstein(
+                  stock, [paid](double s) { return s > 100 ? paid : 0; }, Branching{}));
+}
+
+Problem call_delta() {
+  return call_derivative({.id = "E14", .name = "call-delta", .truth = 0.6368306511756190712233, .formula = "delta"}, 1);
+}
+
+Problem call_vega() {
+  return call_derivative({.id = "E15", .name = "call-vega", .truth = 37.52403469169378783742, .formula = "vega"}, 2);
+}
+
+Problem digital_delta() {
+  return make({.id = "E16",
+               .name = "digital-delta",
+               .module = "sde/sensitivities.hpp",
+               .truth = 1.876201734584689391871,
+               .formula = "delta of the digital of E13, dual numbers and a conditional last step on trees"},
+              derivative(DigitalPayoff{100, 100}, 1));
+}
+
+Problem call_rho() {
+  return call_derivative({.id = "E17", .name = "call-rho", .truth = 53.23248154537634034067, .formula = "rho"}, 3);
+}
+
+Problem call_theta() {
+  return call_derivative(
+      {.id = "E18", .name = "call-theta", .truth = 6.414027546438195800775, .formula = "minus theta, d/dT"}, 4);
+}
+
+}  // namespace debias::catalog
