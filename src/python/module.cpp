@@ -289,26 +289,32 @@ std::shared_ptr<py::function> kept(const py::function& f) {
           }};
 }
 
-/// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, size(level)
-/// the numbers of a row of questions and the work of a draw.
-std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size) {
-  const auto answer_of = [f = kept(answer)](std::int64_t level, std::span<const double> questions, std::size_t rows,
-                                            std::vector<double>& answers) {
+/// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, and
+/// answer(level, questions, base_level) those with a shared base; size(level) gives the numbers of a row of questions, at
+/// most `widest`, and the work of a draw.
+std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size, double widest,
+                                    bool shares = false) {
+  const auto is_shared = [shares](std::int64_t key) { return shares && key >= shared_key(0, 0); };
+  const auto answer_of = [f = kept(answer), is_shared](std::int64_t key, std::span<const double> questions,
+                                                       std::size_t rows, std::vector<double>& answers) {
     const py::gil_scoped_acquire acquire;
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     const auto n = static_cast<py::ssize_t>(rows);
     py::array_t<double> asked({n, static_cast<py::ssize_t>(questions.size() / rows)});
     std::memcpy(asked.mutable_data(), questions.data(), questions.size_bytes());
-    const auto given = (*f)(level, asked).template cast<Doubles>();
+    const py::object answered = is_shared(key) ? (*f)(level_of_key(key), asked, base_of_key(key)) : (*f)(key, asked);
+    const auto given = answered.template cast<Doubles>();
     if (given.ndim() != 2 || given.shape(0) != n) throw std::logic_error("answers: not one row for each question");
     answers.insert(answers.end(), given.data(), given.data() + given.size());
     return static_cast<std::size_t>(given.shape(1));
   };
-  const auto size_of = [f = kept(size)](std::int64_t level) -> Lookups::Size {
+  const auto size_of = [f = kept(size), widest, is_shared](std::int64_t key) -> Lookups::Size {
     const py::gil_scoped_acquire acquire;
+    const std::int64_t level = is_shared(key) ? level_of_key(key) : key;
     const auto [width, work] = (*f)(level).template cast<std::pair<double, double>>();
-    if (width > 0x1p24) {
-      throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^24 uniforms a draw");
+    if (width > widest) {
+      throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^" +
+                              std::to_string(std::ilogb(widest)) + " uniforms a draw");
     }
     return {static_cast<std::size_t>(width), work};
   };
@@ -489,13 +495,15 @@ PYBIND11_MODULE(_debias, m) {
           [](const UserProblem& u) { return u.problem.specials.empty() ? "" : u.problem.specials.front().name; })
       .def_property_readonly("declares_rates",
                              [](const UserProblem& u) { return !std::isnan(u.problem.rates.variance_decay); });
-  m.def("levels",
-        [](const py::dict& facts, const py::function& answer, const py::function& size, std::size_t components) {
-          return translated([&] { return levels_problem(facts_of(facts), lookups_of(answer, size), components); });
-        });
+  m.def("levels", [](const py::dict& facts, const py::function& answer, const py::function& size,
+                     std::size_t components, bool shares, double widest) {
+    return translated(
+        [&] { return levels_problem(facts_of(facts), lookups_of(answer, size, widest, shares), components, shares); });
+  });
   m.def("mean", [](const py::dict& facts, const py::function& answer, const py::function& size, const std::string& g,
                    const std::string& points, double from, double to) {
-    return translated([&] { return mean_problem(facts_of(facts), lookups_of(answer, size), g, points, from, to); });
+    return translated(
+        [&] { return mean_problem(facts_of(facts), lookups_of(answer, size, 0x1p24), g, points, from, to); });
   });
 
   py::class_<StreamBlock>(m, "StreamBlock").def("__len__", &StreamBlock::size).def("uniforms", uniforms_of);

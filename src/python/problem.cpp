@@ -65,59 +65,116 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
 
 // ---- levels
 
+/// What a draw of a level gave: I_k, where it has one, and D_k.
 template <Value V>
-struct Levels {
-  std::shared_ptr<Lookups> lookups;
-  std::size_t components;
-  std::int64_t deepest;
+struct Answer {
+  V value;
+  V difference;
+  double work;
+  bool has_value = true;
+};
 
-  [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
+/// Levels that Python answers, of any kind: one virtual call a draw, and the estimators are compiled once.
+template <Value V>
+class Source {
+ public:
+  Source() = default;
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+  virtual ~Source() = default;
+
+  [[nodiscard]] virtual Answer<V> draw(std::int64_t level, Stream& rng) const = 0;
+  /// I_level. Throws std::invalid_argument where there is none.
+  [[nodiscard]] virtual Term<V> value(std::int64_t level, Stream& rng) const = 0;
+  /// Only of sources that share a base.
+  [[nodiscard]] virtual SharedDraw<V> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const = 0;
+  [[nodiscard]] virtual std::int64_t deepest_level() const = 0;
+  [[nodiscard]] virtual SequenceFacts facts() const { return {}; }
+};
+
+template <Value V, bool shares>
+class Erased {
+ public:
+  explicit Erased(std::shared_ptr<const Source<V>> source)
+      : source_(std::move(source)), deepest_(source_->deepest_level()) {}
+
+  [[nodiscard]] std::int64_t deepest_level() const { return deepest_; }
+  [[nodiscard]] SequenceFacts facts() const { return source_->facts(); }
   Draw<V> operator()(std::int64_t level, Stream& rng) const {
-    const auto [numbers, work] = look_up(level, rng);
-    return {value_in(numbers, level), difference_in(numbers), work};
+    Answer<V> a = source_->draw(level, rng);
+    if (!a.has_value) refuse_value(level);
+    return {std::move(a.value), std::move(a.difference), a.work};
   }
-  Term<V> value_at(std::int64_t level, Stream& rng) const {
-    const auto [numbers, work] = look_up(level, rng);
-    return {value_in(numbers, level), work};
-  }
+  Term<V> value_at(std::int64_t level, Stream& rng) const { return source_->value(level, rng); }
   Term<V> difference_at(std::int64_t level, Stream& rng) const {
-    return difference_at(level, rng, [](const V&, const V&) {});
+    Answer<V> a = source_->draw(level, rng);
+    return {std::move(a.difference), a.work};
   }
   /// Reports I_k and D_k where both are there.
   Term<V> difference_at(std::int64_t level, Stream& rng, const auto& report) const {
+    Answer<V> a = source_->draw(level, rng);
+    if (a.has_value) report(a.value, a.difference);
+    return {std::move(a.difference), a.work};
+  }
+  SharedDraw<V> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const requires(shares) {
+    return source_->shared(level, base_level, rng);
+  }
+
+  [[noreturn]] static void refuse_value(std::int64_t level) {
+    throw std::invalid_argument("differences: the differences alone at level " + std::to_string(level) +
+                                " (the estimates are needed too); return (fine, coarse)");
+  }
+
+ private:
+  std::shared_ptr<const Source<V>> source_;
+  std::int64_t deepest_;
+};
+
+template <Value V>
+class Levels : public Source<V> {
+ public:
+  Levels(std::shared_ptr<Lookups> lookups, std::size_t components, std::int64_t deepest)
+      : lookups_(std::move(lookups)), components_(components), deepest_(deepest) {}
+
+  [[nodiscard]] std::int64_t deepest_level() const override { return deepest_; }
+  [[nodiscard]] Answer<V> draw(std::int64_t level, Stream& rng) const override {
     const auto [numbers, work] = look_up(level, rng);
-    if (numbers.size() > components) report(value_in(numbers, level), difference_in(numbers));
-    return {difference_in(numbers), work};
+    const bool has_value = numbers.size() != components_ || level == 0;
+    return {as_value(numbers.first(std::min(numbers.size(), components_))),
+            as_value(numbers.last(std::min(numbers.size(), components_))), work, has_value};
+  }
+  [[nodiscard]] Term<V> value(std::int64_t level, Stream& rng) const override {
+    Answer<V> a = draw(level, rng);
+    if (!a.has_value) Erased<V, false>::refuse_value(level);
+    return {std::move(a.value), a.work};
+  }
+  [[nodiscard]] SharedDraw<V> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const override {
+    const auto [numbers, work] = look_up(shared_key(level, base_level), rng);
+    return {as_value(numbers.first(std::min(numbers.size(), components_))),
+            as_value(numbers.last(std::min(numbers.size(), components_))), work};
   }
 
  private:
   // No numbers in the first pass.
-  [[nodiscard]] std::pair<std::span<const double>, double> look_up(std::int64_t level, Stream& rng) const {
-    const double work = lookups->size(level).work;
-    if (!lookups->collecting()) return {lookups->next(level), work};
-    rng.fill(lookups->ask(level));
+  [[nodiscard]] std::pair<std::span<const double>, double> look_up(std::int64_t key, Stream& rng) const {
+    const double work = lookups_->size(key).work;
+    if (!lookups_->collecting()) return {lookups_->next(key), work};
+    lookups_->ask(key, 1, rng);
     return {{}, work};
-  }
-  // I_k and D_k, or D_k alone, which is I_0 at level 0.
-  [[nodiscard]] V value_in(std::span<const double> numbers, std::int64_t level) const {
-    if (numbers.size() == components && level > 0) {
-      throw std::invalid_argument("differences: the differences alone at level " + std::to_string(level) +
-                                  " (the estimates are needed too); return (fine, coarse)");
-    }
-    return as_value(numbers.first(std::min(numbers.size(), components)));
-  }
-  [[nodiscard]] V difference_in(std::span<const double> numbers) const {
-    return as_value(numbers.last(std::min(numbers.size(), components)));
   }
   [[nodiscard]] V as_value(std::span<const double> numbers) const {
     if constexpr (RealValue<V>) {
       return numbers.empty() ? 0.0 : numbers.front();
     } else {
-      V v = V::Zero(static_cast<Eigen::Index>(components));
+      V v = V::Zero(static_cast<Eigen::Index>(components_));
       for (std::size_t i = 0; i < numbers.size(); ++i) set_component(v, i, numbers[i]);
       return v;
     }
   }
+
+  std::shared_ptr<Lookups> lookups_;
+  std::size_t components_;
+  std::int64_t deepest_;
 };
 
 // ---- functions of a mean
@@ -186,7 +243,7 @@ NamedFunction function_of(const std::string& text) {
                               suggestion(name, names) + ". For another one write the levels yourself");
 }
 
-/// An integrand that Python evaluates: at a number, or at a draw from the unit cube.
+/// An integrand that Python evaluates at a number.
 struct Integrand {
   std::shared_ptr<Lookups> lookups;
 
@@ -195,17 +252,54 @@ struct Integrand {
     lookups->ask(0).front() = x;
     return 0;
   }
-  double operator()(Stream& rng) const {
-    if (!lookups->collecting()) return lookups->next(0).front();
-    rng.fill(lookups->ask(0));
-    return 0;
+};
+
+/// Draws from the unit cube that Python has answered, all of a level at once, summed in the order in which C++ draws them.
+struct AnsweredDraws {
+  std::shared_ptr<Lookups> lookups;
+  static constexpr double scale = 1;
+  static constexpr double extra_work = 0;
+
+  auto points(std::int64_t level, std::int64_t group_level, Stream& /*rng*/) const {
+    const double* at = lookups->next(0, static_cast<std::size_t>(doubled_draws(level))).data();
+    const std::int64_t size = doubled_draws(group_level);
+    return debias::detail::GroupSums{
+        size, [at, size]() mutable { return [next = std::exchange(at, at + size)]() mutable { return *next++; }; }};
   }
 };
 
-/// The same as a random variable only.
-struct CubeDraw {
-  Integrand f;
-  double operator()(Stream& rng) const { return f(rng); }
+/// A doubling whose points Python answers. Independent draws are asked for without a look at the sequence.
+template <class D, bool independent>
+class Means : public Source<double> {
+ public:
+  Means(std::shared_ptr<Lookups> lookups, D sequence) : lookups_(std::move(lookups)), sequence_(std::move(sequence)) {}
+
+  // One draw of level k looks 2^k numbers up, and they are all there at once.
+  [[nodiscard]] std::int64_t deepest_level() const override { return Lookups::deepest_doubling; }
+  [[nodiscard]] SequenceFacts facts() const override { return debias::facts_of(sequence_); }
+  [[nodiscard]] Answer<double> draw(std::int64_t level, Stream& rng) const override {
+    if (asks(level, rng)) return {0, 0, 1};
+    const Draw<double> d = debias::detail::whole_draw(sequence_, level, rng);
+    return {d.value, d.difference, d.work};
+  }
+  [[nodiscard]] Term<double> value(std::int64_t level, Stream& rng) const override {
+    if (asks(level, rng)) return {0, 1};
+    return debias::value_of(sequence_, level, rng);
+  }
+  [[nodiscard]] SharedDraw<double> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const override {
+    if (asks(level, rng)) return {0, 0, 1};
+    return sequence_.shared(level, base_level, rng);
+  }
+
+ private:
+  bool asks(std::int64_t level, Stream& rng) const {
+    if (!independent || !lookups_->collecting()) return false;
+    lookups_->ask(0, doubled_draws(level), rng);
+    return true;
+  }
+
+  std::shared_ptr<Lookups> lookups_;
+  D sequence_;
 };
 
 Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance_decay) ? usual : rates; }
@@ -224,10 +318,18 @@ UserProblem problem_of(const Facts& facts) {
   return user;
 }
 
-UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components) {
+UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components, bool shares) {
   const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());
-  if (components == 0) return make_problem(facts, Levels<double>{lookups, 1, deepest}, lookups);
-  UserProblem user = make_problem(facts, Levels<Eigen::ArrayXd>{lookups, components, deepest}, lookups);
+  const auto make = [&]<Value V>(std::shared_ptr<const Source<V>> source) {
+    return shares ? make_problem(facts, Erased<V, true>(source), lookups)
+                  : make_problem(facts, Erased<V, false>(source), lookups);
+  };
+  if (components == 0) {
+    return make(std::shared_ptr<const Source<double>>(std::make_shared<Levels<double>>(lookups, 1, deepest)));
+  }
+  using Array = Eigen::ArrayXd;
+  UserProblem user =
+      make(std::shared_ptr<const Source<Array>>(std::make_shared<Levels<Array>>(lookups, components, deepest)));
   user.components = components;
   return user;
 }
@@ -237,17 +339,18 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
   const NamedFunction function = function_of(g);
   const Integrand f{lookups};
   Facts known = facts;
-  // One draw of level k looks 2^k numbers up, and they are all there at once.
-  const auto make = [&](auto sequence) {
-    return make_problem(known, with_deepest_level(std::move(sequence), Lookups::deepest_doubling), lookups);
+  const auto make = [&]<bool independent>(auto sequence, std::bool_constant<independent>) {
+    using D = decltype(sequence);
+    return make_problem(known, Erased<double, true>(std::make_shared<Means<D, independent>>(lookups, sequence)),
+                        lookups);
   };
   if (points == "comb") {
     known.rates = or_default(facts.rates, IntegralOptions{}.rates);
-    return make(function_of_integral(f, function, {from, to, known.rates}));
+    return make(function_of_integral(f, function, {from, to, known.rates}), std::false_type{});
   }
   if (points == "jittered") {
     known.rates = or_default(facts.rates, JitteredOptions{}.rates);
-    return make(function_of_jittered_integral(f, function, {from, to, known.rates}));
+    return make(function_of_jittered_integral(f, function, {from, to, known.rates}), std::false_type{});
   }
   constexpr std::array<std::string_view, 3> names = {"independent", "comb", "jittered"};
   if (points != names[0]) {
@@ -255,7 +358,7 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
                                 suggestion(points, names));
   }
   known.rates = or_default(facts.rates, {2, 1});
-  return make(function_of_mean(CubeDraw{f}, function, known.rates));
+  return make(Doubling<AnsweredDraws, NamedFunction>({lookups}, function, known.rates), std::true_type{});
 }
 
 }  // namespace debias::python

@@ -2,11 +2,13 @@
 
 // Problems of the user's own: Python functions in batches, as an entry of the catalogue that every command takes.
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
+#include <stdexcept>
 #include <string>
 
 #include <debias/core/rates.hpp>
@@ -38,8 +40,20 @@ struct UserProblem {
 /// With what is known of it, and no runs yet.
 UserProblem problem_of(const Facts& facts);
 
-/// Levels: an answer is D_k, or I_k and D_k, of `components` numbers each (0: of a number that is no array).
-UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components);
+/// The key of the look-ups for D_level beside a base made of the same draws; below 2^32 a key is a level.
+/// Throws std::length_error for levels beyond.
+inline std::int64_t shared_key(std::int64_t level, std::int64_t base_level) {
+  if (std::max(level, base_level) >= (std::int64_t{1} << 30)) {
+    throw std::length_error("shared: level " + std::to_string(level) + " (must lie below 2^30)");
+  }
+  return ((base_level + 1) << 32) + level;
+}
+inline std::int64_t level_of_key(std::int64_t key) { return key & 0xffffffff; }
+inline std::int64_t base_of_key(std::int64_t key) { return (key >> 32) - 1; }
+
+/// Levels: an answer is D_k, or I_k and D_k, of `components` numbers each (0: of a number that is no array). Where levels
+/// share their base, an answer to shared_key(k, m) is I_m and D_k.
+UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components, bool shares);
 
 /// g of the mean of an integrand. Points: "independent" draws of uniforms in the unit cube; "comb" and "jittered"
 /// on [from, to].

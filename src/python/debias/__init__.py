@@ -688,7 +688,7 @@ def levels(differences: Callable[[int, np.ndarray], Any], *, dimension: Union[in
     if deepest_level is not None:
         facts["deepest_level"] = _whole("deepest_level", deepest_level, 0)
     return _debias.levels(facts, answer, lambda level: (dimension_of(level), work_of(level)),
-                          0 if components is None else width)
+                          0 if components is None else width, False, 2.0**24)
 
 
 def function_of_mean(integrand: Callable[[np.ndarray], Any], g: str, *, dimension: int = 1,
