@@ -11,7 +11,8 @@ from typing import Any, Mapping, Optional, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 
-from . import Diagnosis, Report, _numbers, diagnose
+from ._numbers import _numbers, diagnose
+from ._reports import Diagnosis, Report
 from .chains import ChainAdvice
 
 __all__ = ["distance", "error_map", "meeting_times", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
