@@ -42,6 +42,12 @@ class Lookups {
   static constexpr std::int64_t deepest_doubling = 26;  ///< level of 2^level rows that one draw may ask for at once
 
   [[nodiscard]] bool collecting() const { return collecting_; }
+  /// Of first passes, which one: what a draw has left elsewhere in it is stale in the next one.
+  [[nodiscard]] std::uint64_t pass() const { return pass_; }
+
+  /// Samples of a run at once. Problems of one level ask once for all: fewer samples stay in the cache.
+  [[nodiscard]] std::int64_t ahead() const { return ahead_; }
+  void set_ahead(std::int64_t samples) { ahead_ = samples; }
 
   Size size(std::int64_t level) { return rows_of(level).size; }
 
@@ -104,6 +110,7 @@ class Lookups {
   /// Runs the draws for their questions, and has them answered.
   void collect_queries(const std::function<void()>& draws) {
     for (auto& [level, rows] : rows_) rows.clear();
+    ++pass_;
     ask_by(collecting_, draws);
     for (auto& [level, rows] : rows_) {
       if (rows.asked > 0) answer(level, rows);
@@ -173,6 +180,8 @@ class Lookups {
   std::map<std::int64_t, Rows> rows_;
   std::array<Rows*, 64> near_{};  // by level
   bool collecting_ = false;
+  std::uint64_t pass_ = 0;
+  std::int64_t ahead_ = std::int64_t{1} << 16;
 };
 
 }  // namespace debias::python
