@@ -19,11 +19,16 @@ from typing import Any, List
 
 from . import _debias
 from ._commands import advise, estimate, estimators, pmfs, problems, replay, samples, survey, tradeoff
-from ._errors import DebiasWarning, GoalMissedWarning, InfiniteVarianceWarning, NoPmfError, NonFiniteWarning
+from ._derivatives import finite_difference, gradient
+from ._errors import DebiasWarning, Error, GoalMissedWarning, InfiniteVarianceWarning, NoPmfError, NonFiniteWarning
+from ._kept import extend, merge
+from ._means import function_of_integral, function_of_mean, nested, reciprocal
 from ._numbers import diagnose
-from ._own import function_of_integral, function_of_mean, levels, normal_quantile
+from ._own import levels, normal_quantile
 from ._problem import Problem
 from ._reports import Diagnosis, Interval, Report, Result, Samples
+from ._terms import (log_determinant, log_determinant_spd, neumann, path_series, reciprocal_trials, series, solve, taylor,
+                     transmittance)
 from . import chains
 
 __version__: str = _debias.version
@@ -31,10 +36,12 @@ __version__: str = _debias.version
 stream_version: int = _debias.stream_version
 
 __all__ = [
-    "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
+    "DebiasWarning", "Diagnosis", "Error", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
     "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "chains", "diagnose", "estimate", "estimators",
-    "function_of_integral", "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
-    "stream_version", "survey", "tradeoff",
+    "extend", "finite_difference", "function_of_integral", "function_of_mean", "gradient", "levels", "log_determinant",
+    "log_determinant_spd", "merge", "nested", "neumann", "normal_quantile", "path_series", "pmfs", "problems", "reciprocal",
+    "reciprocal_trials", "replay", "samples", "series", "solve", "stream_version", "survey", "taylor", "tradeoff",
+    "transmittance",
 ]
 
 for _name in __all__:

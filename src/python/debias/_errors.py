@@ -5,7 +5,21 @@ from __future__ import annotations
 from typing import Optional
 
 
-class NoPmfError(ValueError):
+class Error(Exception):
+    """What `debias` raises of its own, beside ValueError and TypeError for arguments that cannot be.
+
+    Examples
+    --------
+    >>> import debias
+    >>> try:
+    ...     debias.estimate("gbm-by-euler")
+    ... except debias.Error as e:
+    ...     print(type(e).__name__)
+    NoPmfError
+    """
+
+
+class NoPmfError(Error, ValueError):
     """No PMF has finite variance and finite work: no mistake of the caller, but a property of the sequence.
 
     variance_decay, work_growth  of E D_k^2 and of the work: powers of 2, or of the level, as `decay` says ("geometric",
@@ -26,7 +40,14 @@ class NoPmfError(ValueError):
 
 
 class DebiasWarning(UserWarning):
-    """A doubt that a result has about itself: `code` is its name ("coupling", "threads", ...), `text` the sentence."""
+    """A doubt that a result has about itself: `code` is its name ("coupling", "threads", ...), `text` the sentence.
+
+    Examples
+    --------
+    >>> import debias
+    >>> [w.code for w in debias.diagnose([1.0]).warnings]
+    ['one_sample']
+    """
 
     def __init__(self, text: str = "", code: str = ""):
         super().__init__(text)

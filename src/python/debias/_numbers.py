@@ -9,12 +9,35 @@ import numpy as np
 
 from . import _debias
 from ._reports import Diagnosis
+from ._types import Array
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
-    """Mean, error, tails and verdict of any numbers. Nothing is copied but a buffer: any real type, any strides.
+    """Mean, error, tails and verdict of any numbers.
 
-    Booleans are 0 and 1. What is masked, or NA in pandas, is left out; a warning of the result says how much.
+    Parameters
+    ----------
+    values : array_like
+        Of any real type and strides; nothing is copied but a buffer. Booleans are 0 and 1. What is masked, or NA in pandas, is left
+        out; a warning of the result says how much.
+    name : str
+        What the report calls them.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    TypeError
+        For values that are no real numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import debias
+    >>> debias.diagnose(np.random.default_rng(1).normal(size=10_000)).verdict
+    'finite'
     """
     array, missing = _numbers(values)
     if array.dtype.kind not in "fiub":
@@ -34,12 +57,12 @@ def _has_mask(values: Any) -> bool:
     return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
 
 
-def _masked(values: Any) -> np.ma.MaskedArray:
+def _masked(values: Any) -> Any:
     nested = isinstance(values, (list, tuple)) and any(isinstance(x, (list, tuple)) for x in values)
     return np.ma.stack([_masked(x) for x in values]) if nested else np.ma.array(values)
 
 
-def _numbers(values: Any) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+def _numbers(values: Any) -> Tuple[Array, Optional[Array]]:
     """An array, and which of its numbers are missing: masked, or NA in one of pandas' types that can say so."""
     kind = getattr(getattr(values, "dtype", None), "numpy_dtype", None)
     if kind is not None and hasattr(values, "isna") and hasattr(values, "to_numpy"):

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import numbers
 import operator
 import secrets
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Dict, Optional, Sequence, Union
 
 import numpy as np
 
 from ._problem import Problem
+from ._types import Array
 
 Number = Union[int, float, str]
 Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
+Pmf = Union[None, str, Sequence[float], Array, Callable[[int], float]]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
-def _options(**options: Any) -> dict:
+def _options(**options: Any) -> Dict[str, Any]:
     return {name: _option(name, value) for name, value in options.items() if value is not None}
 
 
@@ -67,7 +70,7 @@ def _inner(problem: Union[str, Problem]) -> Any:
     return problem if isinstance(problem, str) else problem._inner
 
 
-def _estimator(problem: Union[str, Problem], pmf: Optional[str], estimator: Optional[str],
+def _estimator(problem: Union[str, Problem], pmf: Pmf, estimator: Optional[str],
                pilot: bool = False) -> Optional[str]:
     """Without declared rates and without a PMF only a recipe can go on, where there may be a pilot."""
     if isinstance(problem, str):
@@ -83,11 +86,30 @@ def _estimator(problem: Union[str, Problem], pmf: Optional[str], estimator: Opti
                      "an estimate or of `advise`")
 
 
+def _pmf(pmf: Pmf) -> Optional[str]:
+    """In the program's words: a text as it is, masses as a table whose last ratio goes on for ever."""
+    if pmf is None or isinstance(pmf, str):
+        return pmf
+    if callable(pmf):
+        masses = [float(pmf(j)) for j in range(64)]
+        while len(masses) > 2 and not masses[-1] > 1e-300:
+            masses.pop()
+    else:
+        masses = [float(m) for m in pmf]
+    if len(masses) < 2 or not all(m > 0 and math.isfinite(m) for m in masses):
+        raise ValueError(f"pmf: masses {masses[:4]} ... (must be two or more, all positive: a level that is never drawn is a bias)")
+    ratio = masses[-1] / masses[-2]
+    if not ratio < 1:
+        raise ValueError(f"pmf: the last masses are {masses[-2]} and {masses[-1]} (must fall, since their ratio goes on for ever)")
+    total = sum(masses) + masses[-1] * ratio / (1 - ratio)
+    return "tabulated:" + ",".join(repr(m / total) for m in masses) + f";tail={ratio!r}"
+
+
 class _Bar:
     """Shows progress by tqdm, if there is such a thing."""
 
     def __init__(self, progress: Progress):
-        self._bar = None
+        self._bar: Any = None
         self.call = progress if callable(progress) else None
         if progress is True:
             try:

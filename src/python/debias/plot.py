@@ -6,7 +6,7 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; marke
 from __future__ import annotations
 
 import itertools
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from ._numbers import _numbers, diagnose
 from ._reports import Diagnosis, Report
 from .chains import ChainAdvice
+from ._types import Array
 
 __all__ = ["distance", "error_map", "meeting_times", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
 
@@ -74,10 +75,10 @@ def survey(report: Report, *, axes: Any = None) -> Any:
     level = rows["level"]
     above = level > 0
     polynomial = report["rates"]["kind"] == "polynomial"
-    unit = (lambda k: np.log2(k + 1)) if polynomial else (lambda k: k)
+    unit: Callable[[Any], Any] = (lambda k: np.log2(k + 1)) if polynomial else (lambda k: k)
     of = "k + 1" if polynomial else "k"
 
-    def curve(ax: Any, keep: np.ndarray, y: np.ndarray, colour: str, marker: str, label: str) -> None:
+    def curve(ax: Any, keep: Array, y: Array, colour: str, marker: str, label: str) -> None:
         keep = keep & (y > 0)
         if not keep.any():
             return
@@ -86,7 +87,7 @@ def survey(report: Report, *, axes: Any = None) -> Any:
         ax.plot(level[fitted], y[fitted], marker, color=colour)
         ax.plot(level[keep & ~fitted], y[keep & ~fitted], marker, color=colour, markerfacecolor="white")
 
-    def slope(ax: Any, y: np.ndarray, name: str, rate: dict) -> None:
+    def slope(ax: Any, y: Array, name: str, rate: Dict[str, Any]) -> None:
         use = rows["fitted"] & (y > 0)
         if rate["value"] is None or not use.any():
             return
@@ -135,7 +136,7 @@ def tradeoff(report: Report, *, ax: Any = None) -> Any:
     points = report["points"]
     ax = _ax(ax)
     x = np.array([p["exponent"] for p in points], dtype=float)
-    none = lambda value: np.nan if value is None else value  # noqa: E731
+    none: Callable[[Any], Any] = lambda value: np.nan if value is None else value  # noqa: E731
     predicted = np.array([none(p["predicted_variance"]) * none(p["predicted_work"]) for p in points])
     measured = np.array([none(p["measured_variance"]) * none(p["measured_work"]) for p in points])
     edge = (x[1:] + x[:-1]) / 2
@@ -187,7 +188,7 @@ def _short(spec: str) -> str:
         return spec
 
 
-def speed_against_error(runs: Mapping[str, Sequence], *, time: str = "seconds", title: Optional[str] = None,
+def speed_against_error(runs: Mapping[str, Sequence[Any]], *, time: str = "seconds", title: Optional[str] = None,
                         ax: Any = None) -> Any:
     """Error against time, of several estimators: one line each, with its fitted slope; lower left is better.
 
@@ -224,7 +225,7 @@ def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
         if len(size) < 2:
             continue
         share = np.arange(1, len(size) + 1) / len(array)
-        index = verdict[f"{name}_tail"] if verdict else {"k": None}
+        index: Dict[str, Any] = verdict[f"{name}_tail"] if verdict else {"k": None}
         label = f"{name} tail"
         if index["k"] is not None:
             label += f", $\\hat k$ = {index['k']:.2f} ± {index['error']:.2f}"

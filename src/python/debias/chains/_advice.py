@@ -11,6 +11,7 @@ from .. import _debias
 from .._options import Seed, _seed
 from .._own import _whole
 from .._reports import Report, _number, _table
+from .._types import Array
 from ._coupled import CoupledChain, _known, _taken
 from ._kernels import Kernel, State, _Numbers
 
@@ -38,22 +39,22 @@ class ChainAdvice(Report):
     @property
     def tail(self) -> str:
         """Of the meeting times: "light", "heavy" or "open"; ['meeting'] has the reasons."""
-        return self._data["meeting"]["tail"]
+        return str(self._data["meeting"]["tail"])
 
     @property
-    def meetings(self) -> np.ndarray:
+    def meetings(self) -> Array:
         """The meeting times at the advised lag: first, last, chains of each interval."""
         return _table(self._data["meetings"])
 
     @property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> Array:
         """Upper bounds on the distance (total variation) of a plain chain from its steady state: time, bound."""
         return _table(self._data["distance"])
 
     def burn_in_for(self, distance: float) -> int:
         """The time from which on a plain chain is that close to its steady state; -1 where the pilot cannot say."""
         rows = self.distance
-        near = np.flatnonzero(rows["bound"] <= distance) if len(rows) else ()
+        near = np.flatnonzero(rows["bound"] <= distance) if len(rows) else np.zeros(0, dtype=int)
         return int(rows["time"][near[0]]) if len(near) else -1
 
 
@@ -93,7 +94,7 @@ class CouplingCheck(NamedTuple):
         return self.worst <= self.threshold and self.parted == 0
 
 
-def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[np.ndarray], Any]] = None, *, draws: int = 1 << 14,
+def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], Any]] = None, *, draws: int = 1 << 14,
                    seed: Seed = 1) -> CouplingCheck:
     """Does coupled_step move each chain as step does, and do equal chains stay together? At all pairs of `states`.
 
@@ -123,16 +124,16 @@ def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[np.ndarray
     def begin(i: int) -> State:
         return kernel._begin(np.repeat(points[i:i + 1], n, axis=0))
 
-    def features(state: State, before: State) -> np.ndarray:
+    def features(state: State, before: State) -> Array:
         values = np.asarray(state[0] if f is None else f(state[0]), dtype=float).reshape(n, -1)
         stays = (state[0] == before[0]).all(axis=1)
         return np.column_stack((values, values**2, stays))
 
-    def z_scores(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def z_scores(a: Array, b: Array) -> Array:
         gap = np.abs(a.mean(axis=0) - b.mean(axis=0))
         error = np.sqrt((a.var(axis=0) + b.var(axis=0)) / n)
         least = np.maximum(64 * np.finfo(float).eps * np.abs(a.mean(axis=0)), gap / n)
-        return np.divide(gap, np.maximum(error, least), out=np.zeros_like(gap), where=gap > 0)
+        return np.asarray(np.divide(gap, np.maximum(error, least), out=np.zeros_like(gap), where=gap > 0))
 
     plain = []
     for i in range(len(points)):

@@ -13,12 +13,13 @@ from .._errors import DebiasWarning
 from .._options import Seed, _seed
 from .._own import _checked, _facts, _whole
 from .._problem import Problem, _packed
+from .._types import Array, Facts
 from ._kernels import Kernel, State, _function, _Numbers
 
 _FIRST_REPORT = 1 << 16  # steps, and then each doubling
 
 
-def _taken(state: State, rows: np.ndarray) -> State:
+def _taken(state: State, rows: Array) -> State:
     return tuple(part[rows] for part in state)
 
 
@@ -29,7 +30,7 @@ def _joined(a: State, b: State) -> State:
 class _Chains:
     """Runs the pairs of chains of a block in step."""
 
-    def __init__(self, kernel: Kernel, start: Any, f: Callable, dimension: int, components: Optional[int]):
+    def __init__(self, kernel: Kernel, start: Any, f: Callable[..., Any], dimension: int, components: Optional[int]):
         self.kernel, self.start, self.f, self.dimension, self.components = kernel, start, f, dimension, components
 
     def __getstate__(self) -> Dict[str, Any]:
@@ -50,12 +51,12 @@ class _Chains:
             raise ValueError("start: a point that is not finite (must be numbers)")
         return self.kernel._begin(points)
 
-    def observed(self, points: np.ndarray) -> np.ndarray:
+    def observed(self, points: Array) -> Array:
         n = len(points)
         shape = (n,) if self.components is None else (n, self.components)
         return _checked("f", self.f(points), shape, None, points).reshape(n, self.components or 1)
 
-    def meet(self, streams: Any, options: Dict[str, int], f: bool = True) -> np.ndarray:
+    def meet(self, streams: Any, options: Dict[str, int], f: bool = True) -> Array:
         """A row of numbers for each stream, as src/python/chains.hpp has them; without f, sums are zero."""
         k, m, lag, limit = (options[name] for name in ("burn_in", "length", "lag", "limit"))
         n, c = len(streams), self.components or 1
@@ -68,7 +69,7 @@ class _Chains:
         def averages(t: int) -> bool:
             return f and k <= t <= m
 
-        def correct(w: int, rows: np.ndarray, of_x: np.ndarray, y: State) -> None:
+        def correct(w: int, rows: Array, of_x: Array, y: State) -> None:
             correction[rows] += w * (of_x - self.observed(y[0]))
             corrected[rows] = 1
 
@@ -135,7 +136,7 @@ class CoupledChain(Problem):
 
     _has_levels = False
 
-    def __init__(self, chains: _Chains, options: Dict[str, int], facts: dict):
+    def __init__(self, chains: _Chains, options: Dict[str, int], facts: Facts):
         self._chains, self._facts = chains, facts
         self.options = dict(options)
         super().__init__(_debias.coupled_chain(facts, chains.meet, chains.components or 0, self.options))
@@ -155,7 +156,7 @@ class CoupledChain(Problem):
         return f"<debias.chains.CoupledChain: {self.name}, {options}>"
 
 
-def coupled_chain(kernel: Kernel, start: Any, f: Callable[[np.ndarray], Any], *, burn_in: int = 0, length: int = 0, lag: int = 1,
+def coupled_chain(kernel: Kernel, start: Any, f: Callable[[Array], Any], *, burn_in: int = 0, length: int = 0, lag: int = 1,
                   limit: int = 0, dimension: int = 1, components: Optional[int] = None, truth: Optional[float] = None,
                   name: str = "coupled chain", formula: str = "") -> CoupledChain:
     """An estimate of E f under the invariant law of a kernel, unbiased for any burn-in, length and lag.
@@ -199,7 +200,7 @@ def coupled_chain(kernel: Kernel, start: Any, f: Callable[[np.ndarray], Any], *,
     return CoupledChain(chains, options, _facts(name, formula, truth, None, False, 0))
 
 
-def meeting_times(chain: CoupledChain, n: int = 1000, *, seed: Seed = 1, first: int = 0) -> np.ndarray:
+def meeting_times(chain: CoupledChain, n: int = 1000, *, seed: Seed = 1, first: int = 0) -> Array:
     """When the pairs of chains of samples first, first + 1, ... meet, n of them; f is not looked at.
 
     The very times of a run of that seed. Where `limit` cuts chains, theirs is above it: limit + 1.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from typing import Any, Callable, Dict, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Optional, Sequence, Tuple, cast
 
 import numpy as np
 
@@ -12,21 +12,23 @@ from .. import _debias
 from .._own import _whole
 from .._problem import _packed
 from .._reports import _ends
+from .._types import Array
 
 #: What a kernel carries with each chain: arrays whose first axis is the chains; the first of them are the points.
-State = Tuple[np.ndarray, ...]
+State = Tuple[Array, ...]
 
 
 class _Numbers:
     """The uniforms of the chains in `rows` of a block, each from its own stream: the next `width` of each."""
 
-    def __init__(self, streams: Any, rows: np.ndarray):
+    def __init__(self, streams: Any, rows: Array):
         self._streams, self._rows = streams, rows
 
-    def __call__(self, width: int) -> np.ndarray:
-        return self._streams.uniforms(self._rows, width)
+    def __call__(self, width: int) -> Array:
+        numbers_of: Array = self._streams.uniforms(self._rows, width)
+        return numbers_of
 
-    def of(self, some: np.ndarray) -> "_Numbers":
+    def of(self, some: Array) -> "_Numbers":
         return _Numbers(self._streams, self._rows[some])
 
 
@@ -36,7 +38,7 @@ class Kernel:
 
     name = "kernel"
 
-    def _begin(self, points: np.ndarray) -> State:
+    def _begin(self, points: Array) -> State:
         return (points,)
 
     def _step(self, x: State, uniforms: _Numbers) -> State:
@@ -52,20 +54,20 @@ class Kernel:
         return f"<debias.chains kernel: {self.name}>"
 
 
-def _exponential(u: np.ndarray) -> np.ndarray:
+def _exponential(u: Array) -> Array:
     return -np.log(u)
 
 
-def _rows(mask: np.ndarray) -> np.ndarray:
+def _rows(mask: Array) -> Array:
     return mask[:, None]
 
 
-def _chosen(mask: np.ndarray, a: State, b: State) -> State:
+def _chosen(mask: Array, a: State, b: State) -> State:
     """Of a where the mask holds, else of b."""
     return tuple(np.where(mask if p.ndim == 1 else _rows(mask), p, q) for p, q in zip(a, b))
 
 
-def _density(name: str, log_density: Callable, x: np.ndarray, start: bool = False) -> np.ndarray:
+def _density(name: str, log_density: Callable[..., Any], x: Array, start: bool = False) -> Array:
     out = np.asarray(log_density(x))
     if out.dtype.kind not in "fiub":
         raise TypeError(f"log_density: returned {out.dtype} (must be an array of real numbers)")
@@ -85,7 +87,7 @@ def _density(name: str, log_density: Callable, x: np.ndarray, start: bool = Fals
     return out
 
 
-def _gradient(name: str, gradient: Callable, x: np.ndarray, needed: np.ndarray) -> np.ndarray:
+def _gradient(name: str, gradient: Callable[..., Any], x: Array, needed: Array) -> Array:
     out = np.asarray(gradient(x), dtype=np.float64)
     if out.shape != x.shape:
         raise ValueError(f"gradient: returned shape {out.shape} (must be {x.shape}: that of the points)")
@@ -99,23 +101,23 @@ def _gradient(name: str, gradient: Callable, x: np.ndarray, needed: np.ndarray) 
 def _step_size(name: str, step: Any) -> float:
     if isinstance(step, (bool, np.bool_)) or not isinstance(step, numbers.Real):
         raise TypeError(f"step: {type(step).__name__} (must be a number)")
-    if not (step > 0 and math.isfinite(step)):
+    if not (step > 0 and math.isfinite(step)):  # type: ignore[operator]
         raise ValueError(f"{name}: step = {step} (must be positive and finite); 2.4 / sqrt(dimension) standard deviations "
                          "of the target is usual for a random walk")
     return float(step)
 
 
-def _function(name: str, f: Any) -> Callable:
+def _function(name: str, f: Any) -> Callable[..., Any]:
     if not callable(f):
         raise TypeError(f"{name}: {type(f).__name__} (must be a function of an array (n, dimension))")
-    return f
+    return cast(Callable[..., Any], f)
 
 
-def _normals(u: np.ndarray) -> np.ndarray:
-    return _debias.normal_quantile(u).reshape(u.shape)
+def _normals(u: Array) -> Array:
+    return np.reshape(_debias.normal_quantile(u), u.shape)
 
 
-def _reflection_maximal(a: np.ndarray, b: np.ndarray, h: float, u: np.ndarray) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _reflection_maximal(a: Array, b: Array, h: float, u: Array) -> Tuple[Array, Array, Array]:
     """a + h W and b + h W', equal as often as two normal laws allow, else mirror images; and where they are equal."""
     w = _normals(u[:, :-1])
     z = (a - b) / h
@@ -129,20 +131,20 @@ def _reflection_maximal(a: np.ndarray, b: np.ndarray, h: float, u: np.ndarray) -
 
 
 class _RandomWalk(Kernel):
-    def __init__(self, log_density: Callable, step: float):
+    def __init__(self, log_density: Callable[..., Any], step: float):
         self.name = f"random walk of steps {step:g}"
         self._log_density = _function("log_density", log_density)
         self._h = step
 
-    def _begin(self, points: np.ndarray) -> State:
+    def _begin(self, points: Array) -> State:
         points = points.astype(np.float64, copy=False)
         return points, _density("random_walk", self._log_density, points, start=True)
 
-    def _at(self, points: np.ndarray) -> State:
+    def _at(self, points: Array) -> State:
         return points, _density("random_walk", self._log_density, points)
 
     @staticmethod
-    def _decided(x: State, proposal: State, threshold: np.ndarray) -> State:
+    def _decided(x: State, proposal: State, threshold: Array) -> State:
         return _chosen(threshold >= x[1] - proposal[1], proposal, x)
 
     def _step(self, x: State, uniforms: _Numbers) -> State:
@@ -161,7 +163,7 @@ class _RandomWalk(Kernel):
         return self._decided(x, at_x, threshold), self._decided(y, at_y, threshold)
 
 
-def random_walk(log_density: Callable[[np.ndarray], Any], step: float) -> Kernel:
+def random_walk(log_density: Callable[[Array], Any], step: float) -> Kernel:
     """Random-walk Metropolis, its proposals coupled by reflection and maximal overlap.
 
     Parameters
@@ -179,24 +181,24 @@ def random_walk(log_density: Callable[[np.ndarray], Any], step: float) -> Kernel
 class _Langevin(Kernel):
     """State: points, log density, means of the proposals."""
 
-    def __init__(self, log_density: Callable, gradient: Callable, step: float):
+    def __init__(self, log_density: Callable[..., Any], gradient: Callable[..., Any], step: float):
         self.name = f"Langevin steps of {step:g}"
         self._log_density = _function("log_density", log_density)
         self._slope = _function("gradient", gradient)
         self._h = step
 
-    def _at(self, points: np.ndarray, start: bool = False) -> State:
+    def _at(self, points: Array, start: bool = False) -> State:
         density = _density("mala", self._log_density, points, start)
         slope = _gradient("mala", self._slope, points, density > -math.inf)
         return points, density, points + 0.5 * self._h**2 * slope
 
-    def _begin(self, points: np.ndarray) -> State:
+    def _begin(self, points: Array) -> State:
         return self._at(points.astype(np.float64, copy=False), start=True)
 
-    def _decided(self, x: State, to: State, threshold: np.ndarray) -> State:
-        def distance(a: State, b: State) -> np.ndarray:
+    def _decided(self, x: State, to: State, threshold: Array) -> State:
+        def distance(a: State, b: State) -> Array:
             d = (b[0] - a[2]) / self._h
-            return 0.5 * np.einsum("ij,ij->i", d, d)
+            return np.asarray(0.5 * np.einsum("ij,ij->i", d, d))
 
         inside = to[1] > -math.inf
         with np.errstate(invalid="ignore"):
@@ -220,7 +222,7 @@ class _Langevin(Kernel):
         return self._decided(x, at_x, threshold), self._decided(y, at_y, threshold)
 
 
-def mala(log_density: Callable[[np.ndarray], Any], gradient: Callable[[np.ndarray], Any], step: float) -> Kernel:
+def mala(log_density: Callable[[Array], Any], gradient: Callable[[Array], Any], step: float) -> Kernel:
     """The Metropolis-adjusted Langevin algorithm, coupled like `random_walk`.
 
     Parameters
@@ -239,19 +241,19 @@ def mala(log_density: Callable[[np.ndarray], Any], gradient: Callable[[np.ndarra
 class _Hamiltonian(Kernel):
     """State: points, log density, gradients."""
 
-    def __init__(self, log_density: Callable, gradient: Callable, step: float, steps: int):
+    def __init__(self, log_density: Callable[..., Any], gradient: Callable[..., Any], step: float, steps: int):
         self.name = f"{steps} Hamiltonian steps of {step:g}"
         self._log_density = _function("log_density", log_density)
         self._slope = _function("gradient", gradient)
         self._h = step
         self._n = steps
 
-    def _begin(self, points: np.ndarray) -> State:
+    def _begin(self, points: Array) -> State:
         points = points.astype(np.float64, copy=False)
         density = _density("hamiltonian", self._log_density, points, start=True)
         return points, density, _gradient("hamiltonian", self._slope, points, density > -math.inf)
 
-    def _moved(self, x: State, momentum: np.ndarray, threshold: np.ndarray) -> State:
+    def _moved(self, x: State, momentum: Array, threshold: Array) -> State:
         every = np.ones(len(momentum), dtype=bool)
         before = 0.5 * np.einsum("ij,ij->i", momentum, momentum)
         point, slope = x[0], x[2]
@@ -274,7 +276,7 @@ class _Hamiltonian(Kernel):
         return self._moved(x, momentum, threshold), self._moved(y, momentum, threshold)
 
 
-def hamiltonian(log_density: Callable[[np.ndarray], Any], gradient: Callable[[np.ndarray], Any], step: float,
+def hamiltonian(log_density: Callable[[Array], Any], gradient: Callable[[Array], Any], step: float,
                 steps: int) -> Kernel:
     """Hamiltonian steps that share momentum and acceptance: they bring chains together, but let none meet.
 
@@ -296,12 +298,12 @@ def hamiltonian(log_density: Callable[[np.ndarray], Any], gradient: Callable[[np
 class _Mixture(Kernel):
     """State: points. What a kernel carries beside them is made anew at each step."""
 
-    def __init__(self, weights: np.ndarray, kernels: Sequence[Kernel]):
+    def __init__(self, weights: Array, kernels: Sequence[Kernel]):
         self.name = "mixture of " + ", ".join(k.name for k in kernels)
         self._up_to = np.cumsum(weights) / np.sum(weights)
         self._kernels = kernels
 
-    def _begin(self, points: np.ndarray) -> State:
+    def _begin(self, points: Array) -> State:
         return (self._kernels[0]._begin(points)[0],)
 
     def _groups(self, uniforms: _Numbers, n: int) -> Any:
@@ -347,12 +349,12 @@ def mixture(weights: Sequence[float], *kernels: Kernel) -> Kernel:
 
 
 class _Own(Kernel):
-    def __init__(self, step: Callable, coupled_step: Callable, width: int, coupled_width: int):
+    def __init__(self, step: Callable[..., Any], coupled_step: Callable[..., Any], width: int, coupled_width: int):
         self.name = "kernel of one's own"
         self._one, self._both, self._width, self._coupled_width = step, coupled_step, width, coupled_width
 
     @staticmethod
-    def _checked(name: str, out: Any, before: np.ndarray) -> np.ndarray:
+    def _checked(name: str, out: Any, before: Array) -> Array:
         out = np.asarray(out)
         if out.dtype.kind not in "fiub":
             raise TypeError(f"{name}: returned {out.dtype} (must be an array of real numbers)")
@@ -361,7 +363,7 @@ class _Own(Kernel):
         if out.dtype.kind == "f" and not np.isfinite(out).all():
             row = int(np.argmin(np.isfinite(out).all(axis=1)))
             raise ValueError(f"{name}: moved a chain to {_ends(out[row])} (must be finite) from {_ends(before[row])}")
-        return out
+        return cast(Array, out)
 
     def _step(self, x: State, uniforms: _Numbers) -> State:
         return (self._checked("step", self._one(x[0], uniforms(self._width)), x[0]),)
@@ -373,7 +375,7 @@ class _Own(Kernel):
         return tuple((self._checked("coupled_step", a, b),) for a, b in zip(out, (x[0], y[0])))  # type: ignore[return-value]
 
 
-def kernel(step: Callable[[np.ndarray, np.ndarray], Any], coupled_step: Callable[[np.ndarray, np.ndarray, np.ndarray], Any], *,
+def kernel(step: Callable[[Array, Array], Any], coupled_step: Callable[[Array, Array, Array], Any], *,
            uniforms: int, coupled_uniforms: Optional[int] = None) -> Kernel:
     """A kernel of one's own.
 
