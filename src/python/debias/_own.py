@@ -220,9 +220,8 @@ def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[in
     if array.shape != shape:
         raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)")
     array = array.astype(np.float64, copy=False)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if math.isfinite(array.sum()):  # then each of them is
-            return array
+    if math.isfinite(np.add.reduce(array, axis=None)):  # then each of them is
+        return array
     finite = np.isfinite(array)
     if not finite.all():
         row = int(np.argmin(finite.reshape(shape[0], -1).all(axis=1)))

@@ -6,12 +6,16 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; marke
 from __future__ import annotations
 
 import itertools
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence
+import warnings
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Union
 
 import matplotlib.pyplot as plt
 import numpy as np
 
+from ._commands import estimate
+from ._errors import DebiasWarning
 from ._numbers import _numbers, diagnose
+from ._problem import Problem
 from ._reports import Diagnosis, Report
 from .chains import ChainAdvice
 from ._types import Array
@@ -188,13 +192,36 @@ def _short(spec: str) -> str:
         return spec
 
 
-def speed_against_error(runs: Mapping[str, Sequence[Any]], *, time: str = "seconds", title: Optional[str] = None,
-                        ax: Any = None) -> Any:
+def speed_against_error(runs: Any, *, time: str = "seconds", samples: Sequence[int] = (1 << 12, 1 << 14, 1 << 16, 1 << 18),
+                        seed: int = 1, title: Optional[str] = None, ax: Any = None) -> Any:
     """Error against time, of several estimators: one line each, with its fitted slope; lower left is better.
 
-    runs    a name -> results of growing `samples`, or pairs (time, error)
-    time    "seconds" or "work", for results
+    Parameters
+    ----------
+    runs : mapping, str or Problem
+        A name -> results of growing `samples`, or pairs (time, error). Of a problem the single term by its declared rates and a
+        recipe run here, each to `samples`.
+    time : {"seconds", "work"}
+        Of results.
+    samples, seed
+        Of the runs of a problem.
+    title, ax
+        As of the others.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("svg")
+    >>> from debias import plot
+    >>> plot.speed_against_error("A10", samples=(1 << 10, 1 << 12)).get_ylabel()
+    'error of the mean'
     """
+    if not isinstance(runs, Mapping):
+        runs = _runs_of(runs, samples, seed)
     ax = _ax(ax)
     styles = zip(itertools.cycle(COLOURS), itertools.cycle(MARKERS), itertools.cycle(DASHES))
     for (name, results), (colour, marker, dash) in zip(runs.items(), styles):
@@ -206,6 +233,13 @@ def speed_against_error(runs: Mapping[str, Sequence[Any]], *, time: str = "secon
     ax.set_xscale("log")
     ax.set_yscale("log")
     return _finish(ax, title, "time (s)" if time == "seconds" else "work (units of the problem)", "error of the mean")
+
+
+def _runs_of(problem: Union[str, Problem], samples: Sequence[int], seed: int) -> Dict[str, Any]:
+    ways = ["recipe"] if isinstance(problem, Problem) and not problem.declares_rates else ["single_term", "recipe"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DebiasWarning)
+        return {way: [estimate(problem, samples=n, seed=seed, estimator=way) for n in samples] for way in ways}
 
 
 def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
