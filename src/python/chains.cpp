@@ -13,8 +13,8 @@ namespace {
 template <Value V>
 class BlockChain {
  public:
-  BlockChain(std::shared_ptr<ChainBlocks> blocks, std::size_t components)
-      : blocks_(std::move(blocks)), components_(components) {}
+  BlockChain(std::shared_ptr<ChainBlocks> blocks, std::size_t components, std::string sampler)
+      : blocks_(std::move(blocks)), components_(components), sampler_(std::move(sampler)) {}
 
   template <Record R>
   Sample<V> operator()(Stream& rng, R& record) const {
@@ -45,6 +45,7 @@ class BlockChain {
 
   [[nodiscard]] SequenceFacts facts() const {
     SequenceFacts facts;
+    if (!sampler_.empty()) return facts;
     facts.meeting_times = true;
     if (blocks_->options().limit > 0) facts.exact_from = blocks_->options().limit;
     return facts;
@@ -53,7 +54,9 @@ class BlockChain {
     const std::int64_t limit = blocks_->options().limit;
     return limit > 0 ? debias::detail::bound_of_cut(levels, limit) : BiasBound{};
   }
-  [[nodiscard]] std::string describe() const { return debias::detail::describe_chain(blocks_->options()); }
+  [[nodiscard]] std::string describe() const {
+    return sampler_.empty() ? debias::detail::describe_chain(blocks_->options()) : sampler_;
+  }
 
  private:
   // No numbers in the first pass.
@@ -69,7 +72,25 @@ class BlockChain {
 
   std::shared_ptr<ChainBlocks> blocks_;
   std::size_t components_;
+  std::string sampler_;  // its description; empty for chains
 };
+
+UserProblem stream_problem(const Facts& facts, const std::shared_ptr<ChainBlocks>& blocks, std::size_t components,
+                           const catalog::Special& special, const std::string& sampler) {
+  UserProblem user = problem_of(facts);
+  user.problem.specials = {special};
+  user.components = std::max<std::size_t>(components, 1);
+  const auto set = [&]<Value V>(BlockChain<V> estimator) {
+    set_runs(
+        user, [estimator](const catalog::Choice&, const auto& use) { use(estimator); }, blocks);
+  };
+  if (components == 0) {
+    set(BlockChain<double>(blocks, 1, sampler));
+  } else {
+    set(BlockChain<Eigen::ArrayXd>(blocks, components, sampler));
+  }
+  return user;
+}
 
 }  // namespace
 
@@ -104,19 +125,13 @@ std::vector<double> ChainBlocks::rows_of(std::vector<Stream> streams, const Chai
 
 UserProblem coupled_chain_problem(const Facts& facts, std::shared_ptr<ChainBlocks> blocks, std::size_t components) {
   debias::detail::check_chain(blocks->options());
-  UserProblem user = problem_of(facts);
-  user.problem.specials = {{.name = "coupled_chain", .description = "two chains that meet, with all their levels"}};
-  user.components = std::max<std::size_t>(components, 1);
-  const auto set = [&]<Value V>(BlockChain<V> estimator) {
-    set_runs(
-        user, [estimator](const catalog::Choice&, const auto& use) { use(estimator); }, blocks);
-  };
-  if (components == 0) {
-    set(BlockChain<double>(blocks, 1));
-  } else {
-    set(BlockChain<Eigen::ArrayXd>(blocks, components));
-  }
-  return user;
+  return stream_problem(facts, blocks, components,
+                        {.name = "coupled_chain", .description = "two chains that meet, with all their levels"}, "");
+}
+
+UserProblem sampler_problem(const Facts& facts, std::shared_ptr<ChainBlocks> blocks, std::size_t components,
+                            const std::string& name, const std::string& description) {
+  return stream_problem(facts, blocks, components, {.name = name, .description = description}, name);
 }
 
 ChainAdvice advise_chains(const ChainBlocks& blocks, const ChainAdviceOptions& options) {

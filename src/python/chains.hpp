@@ -12,6 +12,7 @@
 #include <memory>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -76,6 +77,11 @@ class ChainBlocks {
 /// A problem with the one method coupled_chain. `components` numbers of f; 0: of a number that is no array.
 /// Throws std::invalid_argument for options that no chain has.
 UserProblem coupled_chain_problem(const Facts& facts, std::shared_ptr<ChainBlocks> blocks, std::size_t components);
+
+/// A problem whose sample is one number, or an array, that Python draws from the stream of the sample. Rows as of chains: the
+/// value, no correction, the level as the meeting time, the work as the steps.
+UserProblem sampler_problem(const Facts& facts, std::shared_ptr<ChainBlocks> blocks, std::size_t components,
+                            const std::string& name, const std::string& description);
 
 /// As debias::advise: the pilot has the streams that it would have in C++.
 ChainAdvice advise_chains(const ChainBlocks& blocks, const ChainAdviceOptions& options);

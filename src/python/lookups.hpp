@@ -6,6 +6,8 @@
 // Which questions are asked must not depend on the answers. A level asks with rows of a fixed width. Beyond
 // `most_pending` numbers a level is answered early, so that memory grows with the answers alone.
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -17,6 +19,7 @@
 #include <vector>
 
 #include <debias/core/reach.hpp>
+#include <debias/core/stream.hpp>
 
 #include "collecting.hpp"
 
@@ -39,6 +42,12 @@ class Lookups {
   static constexpr std::int64_t deepest_doubling = 26;  ///< level of 2^level rows that one draw may ask for at once
 
   [[nodiscard]] bool collecting() const { return collecting_; }
+  /// Of first passes, which one: what a draw has left elsewhere in it is stale in the next one.
+  [[nodiscard]] std::uint64_t pass() const { return pass_; }
+
+  /// Samples of a run at once. Problems of one level ask once for all: fewer samples stay in the cache.
+  [[nodiscard]] std::int64_t ahead() const { return ahead_; }
+  void set_ahead(std::int64_t samples) { ahead_ = samples; }
 
   Size size(std::int64_t level) { return rows_of(level).size; }
 
@@ -75,27 +84,33 @@ class Lookups {
   }
 
   /// Room for one row of questions.
-  std::span<double> ask(std::int64_t level) {
+  std::span<double> ask(std::int64_t level) { return room(level, rows_of(level), 1); }
+
+  /// Asks with so many rows of the next numbers of a stream.
+  void ask(std::int64_t level, std::int64_t count, Stream& rng) {
     Rows& rows = rows_of(level);
-    if (rows.questions.size() > most_pending) answer(level, rows);
-    ++rows.asked;
-    rows.questions.resize(rows.questions.size() + rows.size.width);
-    return std::span(rows.questions).last(rows.size.width);
+    const auto at_once = static_cast<std::int64_t>(most_pending / (rows.size.width + 1) + 1);
+    for (; count > 0; count -= std::min(count, at_once)) {
+      rng.fill(room(level, rows, static_cast<std::size_t>(std::min(count, at_once))));
+    }
   }
 
-  /// The answer to the next row.
-  std::span<const double> next(std::int64_t level) {
+  /// The answers to the next row, or to the next rows.
+  std::span<const double> next(std::int64_t level, std::size_t count = 1) {
     Rows& rows = rows_of(level);
-    const std::size_t begin = rows.read++ * rows.answer_width;
-    if (begin + rows.answer_width > rows.answers.size() || rows.answer_width == 0) {
+    const std::size_t begin = rows.read * rows.answer_width;
+    const std::size_t size = count * rows.answer_width;
+    if (begin + size > rows.answers.size() || size == 0) {
       throw std::logic_error("lookups: a draw asks for more than in its first pass");
     }
-    return std::span(rows.answers).subspan(begin, rows.answer_width);
+    rows.read += count;
+    return std::span(rows.answers).subspan(begin, size);
   }
 
   /// Runs the draws for their questions, and has them answered.
   void collect_queries(const std::function<void()>& draws) {
     for (auto& [level, rows] : rows_) rows.clear();
+    ++pass_;
     ask_by(collecting_, draws);
     for (auto& [level, rows] : rows_) {
       if (rows.asked > 0) answer(level, rows);
@@ -107,6 +122,7 @@ class Lookups {
   static constexpr std::size_t most_answers = std::size_t{1} << 27;
 
   struct Rows {
+    std::int64_t level = 0;
     Size size;
     std::vector<double> questions;
     std::vector<double> answers;
@@ -121,17 +137,26 @@ class Lookups {
     }
   };
 
+  std::span<double> room(std::int64_t level, Rows& rows, std::size_t count) {
+    if (rows.questions.size() > most_pending) answer(level, rows);
+    rows.asked += count;
+    rows.questions.resize(rows.questions.size() + count * rows.size.width);
+    return std::span(rows.questions).last(count * rows.size.width);
+  }
+
   Rows& rows_of(std::int64_t level) {
-    if (level == last_level_) return *last_;
+    Rows*& near = near_[static_cast<std::size_t>(level) % near_.size()];
+    if (near != nullptr && near->level == level) [[likely]]
+      return *near;
     auto found = rows_.find(level);
     if (found == rows_.end()) {
       Rows rows;
+      rows.level = level;
       rows.size = size_of_(level);
       found = rows_.emplace(level, std::move(rows)).first;
     }
-    last_level_ = level;
-    last_ = &found->second;
-    return *last_;
+    near = &found->second;
+    return *near;
   }
 
   void answer(std::int64_t level, Rows& rows) {
@@ -153,9 +178,10 @@ class Lookups {
   Answer answer_;
   SizeOf size_of_;
   std::map<std::int64_t, Rows> rows_;
-  std::int64_t last_level_ = -1;
-  Rows* last_ = nullptr;
+  std::array<Rows*, 64> near_{};  // by level
   bool collecting_ = false;
+  std::uint64_t pass_ = 0;
+  std::int64_t ahead_ = std::int64_t{1} << 16;
 };
 
 }  // namespace debias::python

@@ -20,9 +20,12 @@
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <type_traits>
 #include <utility>
@@ -35,6 +38,8 @@
 #include "commands/diagnose.hpp"
 #include "commands/list.hpp"
 #include "commands/renamed.hpp"
+#include "compiled.hpp"
+#include "core/run_state_bytes.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 
@@ -211,6 +216,11 @@ auto with_problem(const py::object& problem, const py::dict& options, const py::
       const std::unique_lock lock(*user.in_use, std::try_to_lock);
       if (!lock)
         throw std::invalid_argument("problem: '" + user.problem.name + "' (is in use by another run); make two");
+      if (user.compiled) {
+        const auto own = user.compiled;
+        const auto request = request_of(*own, Options(options));
+        return on_worker([request, f, own](const Watch& watch) { return f(request, watch); }, progress);
+      }
       const auto request = request_of(user.problem, Options(options));
       return on_this_thread([&](const Watch& watch) { return f(request, watch); }, progress);
     }
@@ -232,6 +242,110 @@ py::tuple run_command(const py::object& problem, const py::dict& options, const 
   return as_objects(with_problem(problem, options, progress, request_of, command));
 }
 
+// References go while Python holds its lock, wherever the last owner is.
+std::shared_ptr<py::function> kept(const py::function& f) {
+  return {new py::function(f), [](const py::function* owned) {
+            const py::gil_scoped_acquire acquire;
+            delete owned;
+          }};
+}
+
+/// The sums of a run, which go on or merge.
+struct State {
+  std::shared_ptr<const RunState> sums;
+
+  [[nodiscard]] py::bytes bytes() const {
+    const Bytes all = encode(*sums);
+    return {reinterpret_cast<const char*>(all.data()), all.size()};
+  }
+  static State of(const py::bytes& contents) {
+    const auto text = static_cast<std::string_view>(contents);
+    return translated([&] {
+      return State{std::make_shared<const RunState>(decode(std::as_bytes(std::span(text.data(), text.size()))))};
+    });
+  }
+  [[nodiscard]] State merged(const State& other) const {
+    return translated([&] {
+      RunState both = *sums;
+      both.merge(*other.sums);
+      return State{std::make_shared<const RunState>(std::move(both))};
+    });
+  }
+  /// With what another one has spent before its run.
+  [[nodiscard]] State with_pilot_of(const State& other) const {
+    RunState mine = *sums;
+    mine.pilot = other.sums->pilot;
+    return State{std::make_shared<const RunState>(std::move(mine))};
+  }
+};
+
+/// What a run had settled when it saved: arguments that draw the same samples without a pilot.
+py::dict settled_of(const commands::RunRequest& now) {
+  py::dict d;
+  const commands::Shape& s = now.shape;
+  if (s.estimator) d[s.estimator->special.empty() ? "estimator" : "special"] = commands::name_of(*s.estimator);
+  if (const auto* pmf = std::get_if<AnyPmf>(&s.pmf)) d["pmf"] = pmf->spec();
+  if (s.base_level) d["base_level"] = *s.base_level;
+  if (s.block != 1) d["block"] = s.block;
+  if (s.points == Points::nets) d["points"] = commands::name_of(s.points);
+  if (now.sampling.samples) d["samples"] = *now.sampling.samples;
+  d["seed"] = now.sampling.seed;
+  d["confidence"] = now.confidence;
+  if (now.served.error > 0) d["served_error"] = now.served.error;
+  if (now.served.relative_error > 0) d["served_relative_error"] = now.served.relative_error;
+  if (now.served.seconds > 0) d["served_seconds"] = now.served.seconds;
+  return d;
+}
+
+/// A run that is kept: (report, its sums, what it had settled). It goes on from `earlier`; draws only shard (i, n) of its
+/// samples; calls save(sums, settled) about once a second. With `settle` it ends as soon as its pilots have, without a report.
+py::tuple run_kept(const py::object& problem, const py::dict& options, const py::object& progress,
+                   const py::object& earlier, const py::object& shard, const py::object& save, bool settle) {
+  struct Kept {
+    std::optional<commands::RunReport> report = {};
+    std::shared_ptr<const RunState> sums = {};
+    std::optional<commands::RunRequest> now = {};
+  };
+  const auto request_of = [&shard](const catalog::Problem& p, const Options& o) {
+    commands::RunRequest r = run_request(p, o);
+    if (!shard.is_none()) {
+      const auto [i, n] = shard.cast<std::pair<std::int64_t, std::int64_t>>();
+      r.shard = commands::Shard{i, n};
+    }
+    return r;
+  };
+  commands::Earlier held;
+  if (!earlier.is_none()) {
+    held.sums = earlier.cast<const State&>().sums;
+    held.samples = held.sums->last();
+  }
+  std::shared_ptr<py::function> told;
+  if (!save.is_none()) told = kept(save.cast<py::function>());
+  const auto draw = [held, told, settle](const commands::RunRequest& request, const Watch& watch) {
+    Kept result;
+    const auto keep = [&](const commands::RunRequest& now, const RunState& sums) {
+      result.now = now;
+      result.sums = std::make_shared<const RunState>(sums);
+      if (!told) return;
+      const py::gil_scoped_acquire acquire;
+      (*told)(State{result.sums}, settled_of(now));
+    };
+    const Watch look = [&](std::string_view what, double done, double total) {
+      return watch(what, done, total) && !(settle && (total > 0 || result.now));
+    };
+    try {
+      result.report = commands::run(request, look, held, keep);
+    } catch (const Interrupted&) {
+      if (!settle) throw;
+    }
+    return result;
+  };
+  const Kept result = with_problem(problem, options, progress, request_of, draw);
+  return py::make_tuple(result.report ? py::object(as_objects(*result.report)) : py::object(py::none()),
+                        result.sums ? py::cast(State{result.sums}) : py::object(py::none()),
+                        result.now ? py::object(settled_of(*result.now)) : py::object(py::none()));
+}
+
 /// Samples first, first + 1, ..., n of them; the means of whole blocks, where they come in blocks.
 py::object samples(const py::object& problem, const py::dict& options, std::int64_t n, std::int64_t first,
                    const py::object& progress) {
@@ -251,7 +365,7 @@ py::object samples(const py::object& problem, const py::dict& options, std::int6
     }
     return asked;
   };
-  const bool own = py::isinstance<UserProblem>(problem);
+  const bool own = py::isinstance<UserProblem>(problem) && !problem.cast<const UserProblem&>().compiled;
   const UserProblem* user = own ? &problem.cast<const UserProblem&>() : nullptr;
   const std::size_t components = own ? user->components : 1;
   const auto values = std::make_shared<std::vector<double>>();
@@ -281,34 +395,32 @@ py::object samples(const py::object& problem, const py::dict& options, std::int6
   return result;
 }
 
-// References go while Python holds its lock, wherever the last owner is.
-std::shared_ptr<py::function> kept(const py::function& f) {
-  return {new py::function(f), [](const py::function* owned) {
-            const py::gil_scoped_acquire acquire;
-            delete owned;
-          }};
-}
-
-/// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, size(level)
-/// the numbers of a row of questions and the work of a draw.
-std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size) {
-  const auto answer_of = [f = kept(answer)](std::int64_t level, std::span<const double> questions, std::size_t rows,
-                                            std::vector<double>& answers) {
+/// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, and
+/// answer(level, questions, base_level) those with a shared base; size(level) gives the numbers of a row of questions, at
+/// most `widest`, and the work of a draw.
+std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size, double widest,
+                                    bool shares = false) {
+  const auto is_shared = [shares](std::int64_t key) { return shares && key >= shared_key(0, 0); };
+  const auto answer_of = [f = kept(answer), is_shared](std::int64_t key, std::span<const double> questions,
+                                                       std::size_t rows, std::vector<double>& answers) {
     const py::gil_scoped_acquire acquire;
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     const auto n = static_cast<py::ssize_t>(rows);
     py::array_t<double> asked({n, static_cast<py::ssize_t>(questions.size() / rows)});
     std::memcpy(asked.mutable_data(), questions.data(), questions.size_bytes());
-    const auto given = (*f)(level, asked).template cast<Doubles>();
+    const py::object answered = is_shared(key) ? (*f)(level_of_key(key), asked, base_of_key(key)) : (*f)(key, asked);
+    const auto given = answered.template cast<Doubles>();
     if (given.ndim() != 2 || given.shape(0) != n) throw std::logic_error("answers: not one row for each question");
     answers.insert(answers.end(), given.data(), given.data() + given.size());
     return static_cast<std::size_t>(given.shape(1));
   };
-  const auto size_of = [f = kept(size)](std::int64_t level) -> Lookups::Size {
+  const auto size_of = [f = kept(size), widest, is_shared](std::int64_t key) -> Lookups::Size {
     const py::gil_scoped_acquire acquire;
+    const std::int64_t level = is_shared(key) ? level_of_key(key) : key;
     const auto [width, work] = (*f)(level).template cast<std::pair<double, double>>();
-    if (width > 0x1p24) {
-      throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^24 uniforms a draw");
+    if (width > widest) {
+      throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^" +
+                              std::to_string(std::ilogb(widest)) + " uniforms a draw");
     }
     return {static_cast<std::size_t>(width), work};
   };
@@ -328,6 +440,8 @@ Facts facts_of(const py::dict& d) {
   if (d.contains("deepest_level") && !d["deepest_level"].is_none()) {
     facts.deepest_level = d["deepest_level"].cast<std::int64_t>();
   }
+  if (d.contains("last_level")) facts.last_level = d["last_level"].cast<std::int64_t>();
+  if (d.contains("rounding")) facts.rounding = d["rounding"].cast<double>();
   return facts;
 }
 
@@ -474,6 +588,16 @@ PYBIND11_MODULE(_debias, m) {
   m.def("tradeoff", run_command<tradeoff_request>);
   m.def("replay", run_command<replay_request>);
   m.def("samples", samples);
+  py::class_<State>(m, "State")
+      .def(py::init(&State::of))
+      .def("bytes", &State::bytes)
+      .def("merged", &State::merged)
+      .def("with_pilot_of", &State::with_pilot_of)
+      .def_property_readonly("first", [](const State& s) { return s.sums->first(); })
+      .def_property_readonly("last", [](const State& s) { return s.sums->last(); })
+      .def_property_readonly("contiguous", [](const State& s) { return s.sums->contiguous(); })
+      .def_property_readonly("blocks_in_chunk", [](const State& s) { return s.sums->chunk() / s.sums->block(); });
+  m.def("run_kept", run_kept);
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
   for (const auto& [name, topic] : {std::pair("problems", commands::Topic::problems),
                                     {"estimators", commands::Topic::estimators},
@@ -483,19 +607,42 @@ PYBIND11_MODULE(_debias, m) {
 
   py::class_<UserProblem>(m, "UserProblem")
       .def_readonly("components", &UserProblem::components)
+      .def_property_readonly("compiled", [](const UserProblem& u) { return u.compiled != nullptr; })
       .def_property_readonly("name", [](const UserProblem& u) { return u.problem.name; })
       .def_property_readonly(
           "special",
           [](const UserProblem& u) { return u.problem.specials.empty() ? "" : u.problem.specials.front().name; })
       .def_property_readonly("declares_rates",
                              [](const UserProblem& u) { return !std::isnan(u.problem.rates.variance_decay); });
-  m.def("levels",
-        [](const py::dict& facts, const py::function& answer, const py::function& size, std::size_t components) {
-          return translated([&] { return levels_problem(facts_of(facts), lookups_of(answer, size), components); });
+  m.def("levels", [](const py::dict& facts, const py::function& answer, const py::function& size,
+                     std::size_t components, bool shares, double widest) {
+    return translated(
+        [&] { return levels_problem(facts_of(facts), lookups_of(answer, size, widest, shares), components, shares); });
+  });
+  m.def("terms",
+        [](const py::dict& facts, const py::function& answer, const py::function& size, bool path, double widest) {
+          return translated([&] { return terms_problem(facts_of(facts), lookups_of(answer, size, widest), path); });
         });
+  m.def("compiled_mean", [](const py::dict& facts, std::uintptr_t f, std::uintptr_t user, std::size_t dimension,
+                            const std::string& g, const std::string& points, double from, double to) {
+    return translated([&] {
+      return compiled_mean(facts_of(facts), reinterpret_cast<IntegrandPointer>(f), reinterpret_cast<void*>(user),
+                           dimension, g, points, from, to);
+    });
+  });
+  m.def("compiled_levels", [](const py::dict& facts, std::uintptr_t f, std::uintptr_t user,
+                              const std::vector<std::pair<double, double>>& sizes) {
+    return translated([&] {
+      std::vector<Lookups::Size> of_levels;
+      for (const auto& [width, work] : sizes) of_levels.push_back({static_cast<std::size_t>(width), work});
+      return compiled_levels(facts_of(facts), reinterpret_cast<LevelPointer>(f), reinterpret_cast<void*>(user),
+                             std::move(of_levels));
+    });
+  });
   m.def("mean", [](const py::dict& facts, const py::function& answer, const py::function& size, const std::string& g,
                    const std::string& points, double from, double to) {
-    return translated([&] { return mean_problem(facts_of(facts), lookups_of(answer, size), g, points, from, to); });
+    return translated(
+        [&] { return mean_problem(facts_of(facts), lookups_of(answer, size, 0x1p24), g, points, from, to); });
   });
 
   py::class_<StreamBlock>(m, "StreamBlock").def("__len__", &StreamBlock::size).def("uniforms", uniforms_of);
@@ -506,6 +653,12 @@ PYBIND11_MODULE(_debias, m) {
                                          components);
           });
         });
+  m.def("sampler", [](const py::dict& facts, const py::function& run, std::size_t components, const std::string& name,
+                      const std::string& description) {
+    return translated([&] {
+      return sampler_problem(facts_of(facts), chain_blocks_of(run, components, {}), components, name, description);
+    });
+  });
   m.def("advise_chains", advise_chains_as_objects);
   m.def("streams", [](std::uint64_t seed, std::uint64_t first, std::size_t n) {
     std::vector<Stream> streams;

@@ -83,6 +83,7 @@ double Options::share(const char* name) const {
 // The points of a sweep are something else.
 commands::Shape shape_of(const Options& options, bool with_points) {
   commands::Shape s;
+  if (options.has("special")) s.estimator = commands::Estimator{.special = options.text("special")};
   if (options.has("estimator")) s.estimator = commands::estimator_of(options.text("estimator"));
   if (options.has("pmf")) s.pmf = commands::pmf_of(options.text("pmf"));
   if (options.has("base_level")) take(options, "base_level", s.base_level.emplace(), 0);
@@ -98,6 +99,9 @@ std::uint64_t seed_of(const Options& options) {
 commands::RunRequest run_request(const catalog::Problem& problem, const Options& options) {
   commands::RunRequest r{.problem = &problem, .shape = shape_of(options), .sampling = sampling_of(options)};
   if (options.has("confidence")) r.confidence = options.share("confidence");
+  if (options.has("served_error")) r.served.error = options.positive("served_error");
+  if (options.has("served_relative_error")) r.served.relative_error = options.positive("served_relative_error");
+  if (options.has("served_seconds")) r.served.seconds = options.positive("served_seconds");
   return r;
 }
 

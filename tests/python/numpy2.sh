@@ -38,11 +38,11 @@ fi
 # ---- a module of its own
 package=$here/python/debias
 mkdir -p "$package"
-cp "$root"/src/python/debias/*.py* "$package"
+cp -r "$root"/src/python/debias/* "$package"
 version=$(sed -n 's/^project(debias VERSION \([0-9.]*\).*/\1/p' "$root/CMakeLists.txt")
 eigen=$(pkg-config --cflags eigen3 2> /dev/null || echo -I/usr/include/eigen3)
 objects=
-for name in module options problem; do
+for name in chains compiled module named_function options problem; do
   "${CXX:-g++}" -std=c++20 -O1 -fPIC -fvisibility=hidden -ffp-contract=off "-DDEBIAS_VERSION=\"$version\"" \
     "-I$root/include" "-I$root/src" $eigen "-I$(ask 'import pybind11; print(pybind11.get_include())')" \
     "-I$(ask 'import sysconfig; print(sysconfig.get_paths()["include"])')" \
@@ -54,3 +54,4 @@ suffix=$(ask 'import sysconfig; print(sysconfig.get_config_var("EXT_SUFFIX"))')
   -L"$build" -ldebias_commands -ldebias_validation -ldebias_catalog -ldebias -Wl,-rpath,"$build" -lpthread
 PYTHONPATH=$here/python DEBIAS_PROGRAM=$build/bin/debias DEBIAS_SAME_BITS=$build/bin/debias_same_bits \
   "$two" "$root/tests/python/debias_test.py"
+PYTHONPATH=$here/python "$two" "$root/tests/python/own_test.py"

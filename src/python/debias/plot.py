@@ -6,13 +6,19 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; marke
 from __future__ import annotations
 
 import itertools
-from typing import Any, Mapping, Optional, Sequence
+import warnings
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Union
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from . import Diagnosis, Report, _numbers, diagnose
+from ._commands import estimate
+from ._errors import DebiasWarning
+from ._numbers import _numbers, diagnose
+from ._problem import Problem
+from ._reports import Diagnosis, Report
 from .chains import ChainAdvice
+from ._types import Array
 
 __all__ = ["distance", "error_map", "meeting_times", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
 
@@ -73,10 +79,10 @@ def survey(report: Report, *, axes: Any = None) -> Any:
     level = rows["level"]
     above = level > 0
     polynomial = report["rates"]["kind"] == "polynomial"
-    unit = (lambda k: np.log2(k + 1)) if polynomial else (lambda k: k)
+    unit: Callable[[Any], Any] = (lambda k: np.log2(k + 1)) if polynomial else (lambda k: k)
     of = "k + 1" if polynomial else "k"
 
-    def curve(ax: Any, keep: np.ndarray, y: np.ndarray, colour: str, marker: str, label: str) -> None:
+    def curve(ax: Any, keep: Array, y: Array, colour: str, marker: str, label: str) -> None:
         keep = keep & (y > 0)
         if not keep.any():
             return
@@ -85,7 +91,7 @@ def survey(report: Report, *, axes: Any = None) -> Any:
         ax.plot(level[fitted], y[fitted], marker, color=colour)
         ax.plot(level[keep & ~fitted], y[keep & ~fitted], marker, color=colour, markerfacecolor="white")
 
-    def slope(ax: Any, y: np.ndarray, name: str, rate: dict) -> None:
+    def slope(ax: Any, y: Array, name: str, rate: Dict[str, Any]) -> None:
         use = rows["fitted"] & (y > 0)
         if rate["value"] is None or not use.any():
             return
@@ -134,7 +140,7 @@ def tradeoff(report: Report, *, ax: Any = None) -> Any:
     points = report["points"]
     ax = _ax(ax)
     x = np.array([p["exponent"] for p in points], dtype=float)
-    none = lambda value: np.nan if value is None else value  # noqa: E731
+    none: Callable[[Any], Any] = lambda value: np.nan if value is None else value  # noqa: E731
     predicted = np.array([none(p["predicted_variance"]) * none(p["predicted_work"]) for p in points])
     measured = np.array([none(p["measured_variance"]) * none(p["measured_work"]) for p in points])
     edge = (x[1:] + x[:-1]) / 2
@@ -186,13 +192,36 @@ def _short(spec: str) -> str:
         return spec
 
 
-def speed_against_error(runs: Mapping[str, Sequence], *, time: str = "seconds", title: Optional[str] = None,
-                        ax: Any = None) -> Any:
+def speed_against_error(runs: Any, *, time: str = "seconds", samples: Sequence[int] = (1 << 12, 1 << 14, 1 << 16, 1 << 18),
+                        seed: int = 1, title: Optional[str] = None, ax: Any = None) -> Any:
     """Error against time, of several estimators: one line each, with its fitted slope; lower left is better.
 
-    runs    a name -> results of growing `samples`, or pairs (time, error)
-    time    "seconds" or "work", for results
+    Parameters
+    ----------
+    runs : mapping, str or Problem
+        A name -> results of growing `samples`, or pairs (time, error). Of a problem the single term by its declared rates and a
+        recipe run here, each to `samples`.
+    time : {"seconds", "work"}
+        Of results.
+    samples, seed
+        Of the runs of a problem.
+    title, ax
+        As of the others.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("svg")
+    >>> from debias import plot
+    >>> plot.speed_against_error("A10", samples=(1 << 10, 1 << 12)).get_ylabel()
+    'error of the mean'
     """
+    if not isinstance(runs, Mapping):
+        runs = _runs_of(runs, samples, seed)
     ax = _ax(ax)
     styles = zip(itertools.cycle(COLOURS), itertools.cycle(MARKERS), itertools.cycle(DASHES))
     for (name, results), (colour, marker, dash) in zip(runs.items(), styles):
@@ -204,6 +233,13 @@ def speed_against_error(runs: Mapping[str, Sequence], *, time: str = "seconds", 
     ax.set_xscale("log")
     ax.set_yscale("log")
     return _finish(ax, title, "time (s)" if time == "seconds" else "work (units of the problem)", "error of the mean")
+
+
+def _runs_of(problem: Union[str, Problem], samples: Sequence[int], seed: int) -> Dict[str, Any]:
+    ways = ["recipe"] if isinstance(problem, Problem) and not problem.declares_rates else ["single_term", "recipe"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DebiasWarning)
+        return {way: [estimate(problem, samples=n, seed=seed, estimator=way) for n in samples] for way in ways}
 
 
 def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
@@ -223,7 +259,7 @@ def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
         if len(size) < 2:
             continue
         share = np.arange(1, len(size) + 1) / len(array)
-        index = verdict[f"{name}_tail"] if verdict else {"k": None}
+        index: Dict[str, Any] = verdict[f"{name}_tail"] if verdict else {"k": None}
         label = f"{name} tail"
         if index["k"] is not None:
             label += f", $\\hat k$ = {index['k']:.2f} ± {index['error']:.2f}"

@@ -1,0 +1,301 @@
+"""Runs that are kept: on disk, over many processes, in parts that merge, and longer than they were."""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Union
+
+from . import _debias
+from ._errors import DebiasWarning
+from ._options import _inner
+from ._problem import Problem
+from ._reports import Result
+
+Options = Dict[str, Any]
+_MAGIC = b"debias run of Python, 1\n"
+
+
+def _name(problem: Union[str, Problem]) -> str:
+    return problem if isinstance(problem, str) else repr(problem)
+
+
+def _run(problem: Union[str, Problem], options: Options, progress: Any = None, earlier: Any = None,
+         shard: Optional[Tuple[int, int]] = None, save: Optional[Callable[[Any, Options], Any]] = None) -> Result:
+    report, state, settled = _debias.run_kept(_inner(problem), options, progress, earlier, shard, save, False)
+    result = Result(*report)
+    result._kept(problem, state, settled, shard)
+    return result
+
+
+def _within(problem: Union[str, Problem], options: Options, seconds: Any, progress: Any) -> Result:
+    """To a goal of error, in so many seconds: pilots fix the samples of both, and the fewer are drawn."""
+    goal = {name: options[name] for name in ("error", "relative_error") if name in options}
+    if len(goal) != 1 or "seconds" in options:
+        raise ValueError("max_seconds: stands beside error or relative_error (a goal); for a time alone write seconds")
+    inner = _inner(problem)
+    threads = {"threads": options.get("threads", 0)}
+    refused: Optional[ValueError] = None
+    try:
+        report, state, settled = _debias.run_kept(inner, options, progress, None, None, None, True)
+        if report is not None:
+            result = Result(*report)
+            result._kept(problem, state, settled, None)
+            return result
+    except ValueError as e:  # so many samples cannot be drawn, perhaps: fewer may
+        refused = e
+    rest = {name: x for name, x in options.items() if name not in goal}
+    _, other, in_time = _debias.run_kept(inner, {**rest, "seconds": seconds}, progress, None, None, None, True)
+    if refused is not None:
+        settled = {name: x for name, x in in_time.items() if not name.startswith("served")}
+        settled.update({f"served_{name}": x for name, x in goal.items()})
+        state = other
+    fewer = min(settled["samples"], in_time["samples"])
+    go_on = state if state.last <= fewer else None
+    return _run(problem, {**settled, "samples": fewer, **threads}, progress, go_on)
+
+
+# ---- on disk
+
+
+def _checkpointed(problem: Union[str, Problem], options: Options, progress: Any, path: Any) -> Result:
+    file = os.fspath(path)
+    asked = json.dumps({name: x for name, x in options.items() if name not in ("threads", "confidence")}, sort_keys=True)
+    whose = {"problem": _name(problem), "asked": asked, "version": _debias.version, "streams": _debias.stream_version}
+
+    def save(state: Any, settled: Options) -> None:
+        contents = state.bytes()
+        head = json.dumps({**whose, "settled": settled, "size": len(contents), "crc": zlib.crc32(contents)}).encode()
+        written = f"{file}.{os.getpid()}.new"
+        with open(written, "wb") as out:
+            out.write(_MAGIC + head + b"\n" + contents)
+            out.flush()
+            os.fsync(out.fileno())
+        os.replace(written, file)
+
+    earlier = None
+    if os.path.exists(file):
+        held, earlier = _read(file)
+        for name, mine in whose.items():
+            if held.get(name) != mine:
+                raise ValueError(f"checkpoint: '{file}' is of another run ({name}: {held.get(name)}, here {mine}); remove it, or "
+                                 "take another name")
+        options = {**held["settled"], **{name: options[name] for name in ("threads", "confidence") if name in options}}
+    return _run(problem, options, progress, earlier, save=save)
+
+
+def _read(file: str) -> Tuple[Options, Any]:
+    with open(file, "rb") as source:
+        contents = source.read()
+    try:
+        if not contents.startswith(_MAGIC):
+            raise ValueError("it does not begin as one")
+        head, _, state = contents[len(_MAGIC):].partition(b"\n")
+        held = json.loads(head)
+        if held["size"] != len(state) or held["crc"] != zlib.crc32(state):
+            raise ValueError("it is damaged, or cut short")
+        return held, _debias.State(state)
+    except (ValueError, KeyError) as e:
+        raise ValueError(f"checkpoint: '{file}' is no run of debias.estimate ({e}); remove it, or take another name") from None
+
+
+# ---- in parts
+
+
+def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result:
+    """The union of the shards of a run: the bits of the run itself.
+
+    Parameters
+    ----------
+    *results : Result
+        Of `estimate(..., shard=(i, n))`, all n of them, in any order.
+    problem : str or Problem, optional
+        Needed where all results come from a file or another process; theirs where it is left out.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ValueError
+        For a shard that is missing or there twice, and for shards of different runs.
+
+    Examples
+    --------
+    >>> import debias
+    >>> parts = [debias.estimate("A10", samples=20_000, shard=(i, 3)) for i in (1, 2, 3)]
+    >>> debias.merge(*parts).mean == debias.estimate("A10", samples=20_000).mean
+    True
+    """
+    if not results:
+        raise ValueError("merge: no results (must be one for each shard)")
+    first = results[0]
+    for other in results:
+        if other._state is None:
+            raise ValueError("merge: a result of multilevel (has no samples to join)")
+        if (other["problem"], other._settled) != (first["problem"], first._settled):
+            raise ValueError("merge: results of different runs (problem, options, seed and samples must be the same)")
+    state = first._state
+    for other in results[1:]:
+        state = state.merged(other._state)
+    if state.first != 0 or not state.contiguous or state.last < first._settled["samples"]:
+        raise ValueError(f"merge: the shards leave out some of the {first._settled['samples']} samples (each of (1, n) ... (n, n) "
+                         "must be there)")
+    return _run(first._problem_or(problem), dict(first._settled), earlier=state)
+
+
+def extend(result: Result, *, samples: Union[None, int, float] = None, error: Optional[float] = None,
+           relative_error: Optional[float] = None, problem: Union[None, str, Problem] = None, threads: int = 0,
+           progress: Any = None) -> Result:
+    """A run that goes on: more samples, or to another goal. What it has counts; the bits are those of one run of that size.
+
+    Parameters
+    ----------
+    result : Result
+        Of `estimate`, `merge` or `extend`.
+    samples : int, optional
+        In all, those of the result among them.
+    error, relative_error : float, optional
+        A goal in their place, as of `estimate`.
+    problem : str or Problem, optional
+        Needed where the result comes from a file or another process.
+    threads, progress
+        As of `estimate`.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ValueError
+        For fewer samples than there are.
+
+    Examples
+    --------
+    >>> import debias
+    >>> short = debias.estimate("A10", samples=10_000)
+    >>> debias.extend(short, samples=30_000).mean == debias.estimate("A10", samples=30_000).mean
+    True
+    """
+    from ._commands import _warn
+    from ._options import _Bar, _options
+
+    if result._state is None:
+        raise ValueError("extend: a result of multilevel (has no samples to add to); ask for a smaller error")
+    goal = _options(samples=samples, error=error, relative_error=relative_error)
+    if len(goal) != 1:
+        raise ValueError("extend: one of samples, error and relative_error (says how far)")
+    if result._shard is not None:
+        raise ValueError("extend: a shard ends where the next one begins; merge the shards, then extend the union")
+    if samples is not None and int(float(samples)) < result.samples:
+        raise ValueError(f"samples = {samples} (the result has {result.samples} already, and none is thrown away); ask for more")
+    kept = {name: x for name, x in result._settled.items() if name != "samples" and not name.startswith("served")}
+    with _Bar(progress) as bar:
+        longer = _run(result._problem_or(problem), {**kept, **goal, "threads": threads}, bar, result._state)
+    _warn(longer, 3)
+    return longer
+
+
+# ---- over many processes
+
+
+def _shard(problem: Union[str, Problem], options: Options, shard: Tuple[int, int]) -> bytes:
+    """In a worker: the sums of a shard."""
+    _, state, _ = _debias.run_kept(_inner(problem), options, None, None, shard, None, False)
+    data: bytes = state.bytes()
+    return data
+
+
+def _workers(executor: Any) -> int:
+    if hasattr(executor, "scheduler_info"):  # dask.distributed
+        return max(1, sum(int(w.get("nthreads", 1)) for w in executor.scheduler_info()["workers"].values()))
+    for name in ("_max_workers", "num_workers"):
+        if isinstance(getattr(executor, name, None), int):
+            return max(1, int(getattr(executor, name)))
+    jobs = getattr(executor, "n_jobs", None)  # joblib
+    if isinstance(jobs, int):
+        return jobs if jobs > 0 else max(1, (os.cpu_count() or 1) + 1 + jobs)
+    return os.cpu_count() or 1
+
+
+def _answers(executor: Any, calls: List[Tuple[Any, ...]]) -> Iterable[Optional[bytes]]:
+    """What each call gave; None where its worker is lost."""
+    if not hasattr(executor, "submit"):
+        if not callable(executor):
+            raise TypeError(f"executor: {type(executor).__name__} (must be one of concurrent.futures, a client of dask.distributed, "
+                            "joblib.Parallel(...), or mpi4py.futures)")
+        return list(executor((_shard, call, {}) for call in calls))
+    more: Dict[str, Any] = {"pure": False} if hasattr(executor, "scheduler_info") else {}
+    futures = []
+    for call in calls:
+        try:
+            futures.append(executor.submit(_shard, *call, **more))
+        except RuntimeError:  # a broken pool takes no more
+            futures.append(None)
+    answers: List[Optional[bytes]] = []
+    for future in futures:
+        try:
+            answers.append(None if future is None else future.result())
+        except Exception as e:
+            if not _is_loss(e):
+                raise
+            answers.append(None)
+    return answers
+
+
+def _is_loss(e: Exception) -> bool:
+    """Of the worker, not of the function: that one's errors come again."""
+    names = {kind.__name__ for kind in type(e).__mro__}
+    return bool(names & {"BrokenExecutor", "KilledWorker", "CancelledError", "FutureCancelledError", "CommClosedError",
+                         "TerminatedWorkerError"})
+
+
+def _distributed(problem: Union[str, Problem], options: Options, executor: Any, shards: Optional[int],
+                 progress: Any = None) -> Tuple[Result, List[DebiasWarning]]:
+    """The run of these options by shards. Pilots run here; a shard whose worker is lost runs again: on another one, at last
+    here."""
+    threads = options.pop("threads", 0)
+    pilot = None
+    goal = [name for name in ("error", "relative_error", "seconds") if name in options]
+    if goal or options.get("estimator") == "recipe":
+        report, pilot, settled = _debias.run_kept(_inner(problem), {**options, "threads": threads}, progress, None, None, None, True)
+        if report is not None:  # it was short
+            result = Result(*report)
+            result._kept(problem, pilot, settled, None)
+            return result, []
+        options = settled
+    samples = int(float(options.get("samples", 1e6)))
+    chunk = 512 * int(options.get("block", 1))
+    count = min(shards or 4 * _workers(executor), max(1, samples // (4 * chunk)))
+    options = {**options, "samples": samples}
+    each = {**options, "threads": threads or 1}
+    open_shards = [(i, count) for i in range(1, count + 1)]
+    state = None
+    lost = 0
+    for attempt in range(2):
+        if not open_shards:
+            break
+        answers = _answers(executor, [(problem, each, shard) for shard in open_shards])
+        missing = []
+        for shard, answer in zip(open_shards, answers):
+            if answer is None:
+                missing.append(shard)
+                continue
+            part = _debias.State(answer)
+            state = part if state is None else state.merged(part)
+        lost += len(missing)
+        open_shards = missing
+    for shard in open_shards:
+        part = _debias.State(_shard(problem, {**options, "threads": threads}, shard))
+        state = part if state is None else state.merged(part)
+    if pilot is not None and state is not None:
+        state = state.with_pilot_of(pilot)
+    result = _run(problem, {**options, "threads": threads}, progress, state)
+    doubts = []
+    if lost:
+        doubts.append(DebiasWarning(f"workers were lost, and {lost} shards ran again; the numbers are those of one process",
+                                    "worker_lost"))
+    return result, doubts

@@ -1,0 +1,133 @@
+"""Arguments of the commands: numbers, seeds, problems, progress."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import operator
+import secrets
+from typing import Any, Callable, Dict, Optional, Sequence, Union
+
+import numpy as np
+
+from ._problem import Problem
+from ._types import Array
+
+Number = Union[int, float, str]
+Seed = Union[None, int, str, np.random.Generator, np.random.SeedSequence]
+Pmf = Union[None, str, Sequence[float], Array, Callable[[int], float]]
+Progress = Union[None, bool, Callable[[float, float], Any]]
+
+
+def _options(**options: Any) -> Dict[str, Any]:
+    return {name: _option(name, value) for name, value in options.items() if value is not None}
+
+
+def _option(name: str, value: Any) -> Union[str, int, float]:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
+    return int(value) if isinstance(value, numbers.Integral) else float(value)
+
+
+def _seed(seed: Any) -> Union[int, str]:
+    """The number that a seed stands for; a text is the program's word for one."""
+    if seed is None or (isinstance(seed, str) and seed == "random"):  # as the program says it
+        return secrets.randbits(64)
+    if isinstance(seed, str):
+        return seed
+    if isinstance(seed, np.random.Generator):
+        return int(seed.integers(2**64, dtype=np.uint64))
+    if isinstance(seed, np.random.SeedSequence):
+        return int(seed.generate_state(1, np.uint64)[0])
+    try:
+        if isinstance(seed, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(seed)
+    except TypeError:
+        raise TypeError(f"seed: {type(seed).__name__} (must be a whole number, None for a fresh one, or a Generator or "
+                        "SeedSequence of numpy.random)") from None
+    if not 0 <= number < 2**64:
+        raise ValueError(f"seed = {number} (must lie in 0 ... 2^64 - 1)")
+    return number
+
+
+def _problem(problem: Any, has_levels: bool = False) -> Union[str, Problem]:
+    if isinstance(problem, Problem):
+        if has_levels and not problem._has_levels:
+            raise TypeError("problem: coupled chains (have no levels that a PMF draws: their level is the time when they met); "
+                            "debias.chains.advise measures what they need")
+        return problem
+    if isinstance(problem, str):
+        return problem
+    raise TypeError(f"problem: {type(problem).__name__} (must be a name, see debias.problems(), or one of your own, "
+                    "see debias.levels, debias.function_of_mean and debias.chains)")
+
+
+def _inner(problem: Union[str, Problem]) -> Any:
+    """What the module takes."""
+    return problem if isinstance(problem, str) else problem._inner
+
+
+def _estimator(problem: Union[str, Problem], pmf: Pmf, estimator: Optional[str],
+               pilot: bool = False) -> Optional[str]:
+    """Without declared rates and without a PMF only a recipe can go on, where there may be a pilot."""
+    if isinstance(problem, str):
+        return estimator
+    if problem._special and estimator is None:
+        return problem._special
+    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe", "coupled_chain")
+    if not needs or problem.declares_rates:
+        return estimator
+    if pilot and estimator is None:
+        return "recipe"
+    raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
+                     "an estimate or of `advise`")
+
+
+def _pmf(pmf: Pmf) -> Optional[str]:
+    """In the program's words: a text as it is, masses as a table whose last ratio goes on for ever."""
+    if pmf is None or isinstance(pmf, str):
+        return pmf
+    if callable(pmf):
+        masses = [float(pmf(j)) for j in range(64)]
+        while len(masses) > 2 and not masses[-1] > 1e-300:
+            masses.pop()
+    else:
+        masses = [float(m) for m in pmf]
+    if len(masses) < 2 or not all(m > 0 and math.isfinite(m) for m in masses):
+        raise ValueError(f"pmf: masses {masses[:4]} ... (must be two or more, all positive: a level that is never drawn is a bias)")
+    ratio = masses[-1] / masses[-2]
+    if not ratio < 1:
+        raise ValueError(f"pmf: the last masses are {masses[-2]} and {masses[-1]} (must fall, since their ratio goes on for ever)")
+    total = sum(masses) + masses[-1] * ratio / (1 - ratio)
+    return "tabulated:" + ",".join(repr(m / total) for m in masses) + f";tail={ratio!r}"
+
+
+class _Bar:
+    """Shows progress by tqdm, if there is such a thing."""
+
+    def __init__(self, progress: Progress):
+        self._bar: Any = None
+        self.call = progress if callable(progress) else None
+        if progress is True:
+            try:
+                from tqdm.auto import tqdm
+            except ImportError:
+                return
+            self._bar = tqdm(unit=" draws", unit_scale=True, leave=False)
+            self.call = self._show
+        elif self.call is None and progress not in (None, False):
+            raise TypeError(f"progress: {type(progress).__name__} (must be True, or a function of (done, total))")
+
+    def _show(self, done: float, total: float) -> None:
+        self._bar.total = total or None
+        self._bar.update(done - self._bar.n)
+
+    def __enter__(self) -> Any:
+        return self.call
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar is not None:
+            self._bar.close()
