@@ -170,7 +170,12 @@ class Levels : public Source<V> {
   }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const override {
     if (facts_.last_level < 0) return {};
-    const auto seen = debias::detail::see_differences(levels, facts_.last_level, facts_.rates);
+    auto seen = debias::detail::see_differences(levels, facts_.last_level, facts_.rates);
+    // Rounding alone says nothing; it doubles with the level at least.
+    std::erase_if(seen.moments, [this](const debias::detail::DifferenceMoment& m) {
+      const double rounding = facts_.rounding * std::exp2(static_cast<double>(m.level - facts_.last_level));
+      return m.log_square < 2 * std::log(rounding);
+    });
     return debias::detail::bound_of_differences(seen, debias::detail::doubt_of_draws(seen.moments, facts_.rates),
                                                 facts_.last_level, facts_.rates, facts_.rounding);
   }
