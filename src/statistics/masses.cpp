@@ -460,11 +460,18 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       beyond.add_drawn(k, [&](double second_moment) { return part_of(second_moment, 0, k); });
       continue;
     }
-    add(d.unseen, part_of(second, expected, k), doubt);
+    const double part = part_of(second, expected, k);
+    // Of a difference that is not random the size is known but for its doubt.
+    const double known_part = mu != 0 ? std::min(part, part_of(expected * expected, expected, k)) : 0;
+    add(d.undrawn, known_part, doubt);
+    add(d.unseen, part - known_part, doubt);
   }
   if (const double variance = beyond.variance(sum_of_seen); variance > 0) add(d.unseen, variance, most_doubt);
   left_out += std::abs(replaced);
-  if (left_out > 0) add(d.unseen, left_out * left_out, left_out_doubt);
+  if (left_out > 0) {
+    add(d.undrawn, replaced * replaced, left_out_doubt);
+    add(d.unseen, left_out * left_out - replaced * replaced, left_out_doubt);
+  }
   const double variance = d.seen + d.undrawn + d.unseen;
   if (squares > 0) d.degrees = std::max(1.0, 2 * variance * variance / squares);
   return d;
