@@ -355,7 +355,40 @@ class Driver {
       x.push_back(static_cast<double>(l));
       logs.push_back(std::log2(level.variance()));
     }
+    judge_points(result);
     result.beta = x.size() < 2 ? slowest_rate : -fit_line(x, logs, std::vector<double>(x.size(), 1.0)).slope;
+  }
+
+  // What lies beyond the last level, beside what is said of it (core/resonance.hpp).
+  void judge_points(MultilevelStatistics& result) const {
+    if (!runs_.missed) return;
+    constexpr double share_of_run = 1.0 / 16;  // of its look-ups
+    constexpr double least_lookups = 8192;
+    constexpr double room = 2;  // of the error
+    const double budget = std::max(share_of_run * result.work, least_lookups);
+    auto level = static_cast<std::int64_t>(levels_.size()) - 1;
+    while (level > 0 && detail::draws_of_missed(level, budget) == 0) --level;
+    const std::int64_t draws = detail::draws_of_missed(level, budget);
+    if (draws == 0) return;
+    double worst = 0;
+    double error = 0;
+    const std::vector<double> missed = runs_.missed(level, draws, plan_.seed);
+    for (std::size_t c = 0; c < missed.size() && c < result.components.size(); ++c) {
+      const double of_mean = result.components[c].standard_error;
+      // What the levels above this one have added already is no news.
+      double added = 0;
+      for (auto k = static_cast<std::size_t>(level) + 1; k < levels_.size(); ++k)
+        added += levels_[k].components[c].mean;
+      const double size = std::abs(missed[c] - added);
+      if (!(size > room * std::hypot(of_mean, result.bias) + 1e-12 * std::abs(result.components[c].mean))) continue;
+      if (!(size > worst)) continue;
+      worst = size;
+      error = of_mean;
+    }
+    if (!(worst > 0)) return;
+    result.converged = false;
+    result.warnings.push_back({WarningCode::aliased_differences,
+                               detail::resonance_words(level, worst, worst / std::max(error, 1e-12 * worst)) + "."});
   }
 
   const LevelRuns& runs_;

@@ -28,6 +28,7 @@
 #include <debias/core/plan.hpp>
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/run_state.hpp>
 #include <debias/core/stream.hpp>
@@ -122,6 +123,11 @@ struct OneByOne {
     NullRecord record;
     return draw(i, record).value;
   }
+  /// Something else that draws.
+  template <class F>
+  auto aside(const F& f) const {
+    return f();
+  }
 };
 
 /// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record).
@@ -180,6 +186,11 @@ Result<estimate_value_t<E>> estimate_by(Way& way, const E& estimator, const Plan
     statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
   statistics = detail::with_rounding<V>(std::move(statistics));
+  if constexpr (ChecksPoints<E>) {
+    detail::judge_points(statistics, [&](std::int64_t level, std::int64_t draws) {
+      return way.aside([&] { return detail::missed_of(estimator, level, draws, plan.seed); });
+    });
+  }
   if constexpr (RealValue<V> || ComplexValue<V>) {
     return Result<V>(std::move(statistics), V{});
   } else {  // a value of the right shape: the first sample, drawn again

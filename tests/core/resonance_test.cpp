@@ -1,0 +1,121 @@
+#include <debias/core/resonance.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include <catch2/catch_test_macros.hpp>
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <debias/multilevel.hpp>
+#include <debias/recipe.hpp>
+#include <debias/survey.hpp>
+
+using namespace debias;
+
+namespace {
+
+constexpr double two_pi = 2 * std::numbers::pi;
+
+bool is_warned(const std::vector<Warning>& warnings) {
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
+}
+
+// exp(-integral of 2 + a cos(2 pi periods x) + slope x).
+struct Wave {
+  double periods;
+  double amplitude = 1.9;
+  double slope = 0;
+  double operator()(double x) const { return -(2 + amplitude * std::cos(two_pi * periods * x) + slope * x); }
+  [[nodiscard]] double truth() const { return std::exp(-2 - slope / 2); }
+};
+
+// Slats: 3 in a quarter of each period, else nothing.
+struct Fence {
+  double periods;
+  double operator()(double x) const { return periods * x - std::floor(periods * x) < 0.25 ? -3 : 0; }
+  [[nodiscard]] static double truth() { return std::exp(-0.75); }
+};
+
+template <class F>
+auto transmitted(const F& f) {
+  return function_of_integral(f, functions::Exp{});
+}
+
+// Wrong by more than five standard errors, and silent.
+template <class F>
+bool is_silently_wrong(const F& f, std::uint64_t seed, std::int64_t samples) {
+  const auto r = estimate(single_term(transmitted(f)), {.samples = samples, .seed = seed, .threads = 1});
+  return std::abs(r.mean - f.truth()) > 5 * r.standard_error && !is_warned(r.warnings);
+}
+
+}  // namespace
+
+TEST_CASE("an integrand in step with the comb is warned of: 1024 periods under exp", "[resonance]") {
+  const Wave wave{1024};
+  const auto r = estimate(single_term(transmitted(wave)), {.samples = 1 << 14, .seed = 1});
+  CHECK(std::abs(r.mean - wave.truth()) > 20 * r.standard_error);  // it is wrong, and looks right
+  CHECK(is_warned(r.warnings));
+}
+
+TEST_CASE("cos(128 x)^2 over [0, pi] is warned of", "[resonance]") {
+  const auto f = [](double x) { return -std::pow(std::cos(128 * x), 2); };
+  const auto r = estimate(single_term(function_of_integral(f, functions::Exp{}, {.to = std::numbers::pi})),
+                          {.samples = 1 << 14, .seed = 1});
+  CHECK(std::abs(r.mean - std::exp(-std::numbers::pi / 2)) > 5 * r.standard_error);
+  CHECK(is_warned(r.warnings));
+}
+
+TEST_CASE("no period q 2^m is more than five standard errors off without a warning", "[resonance]") {
+  for (const int q : {1, 3, 5, 7, 9}) {
+    for (int m = 0; m <= 12; m += 2) {
+      const double periods = q * std::exp2(m);
+      for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+        CAPTURE(q, m, seed);
+        CHECK_FALSE(is_silently_wrong(Wave{periods}, seed, 1 << 13));
+        CHECK_FALSE(is_silently_wrong(Wave{periods, 0.4, 1}, seed, 1 << 13));
+        CHECK_FALSE(is_silently_wrong(Fence{periods}, seed, 1 << 13));
+      }
+    }
+  }
+}
+
+TEST_CASE("smooth integrands, and functions without bias, are not warned of", "[resonance]") {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto smooth = [](double x) { return -1 - std::sin(2 * x); };
+    CHECK_FALSE(is_warned(estimate(single_term(transmitted(smooth)), {.samples = 1 << 12, .seed = seed}).warnings));
+    const auto linear = [](double m) { return 3 * m; };
+    CHECK_FALSE(is_warned(
+        estimate(single_term(function_of_integral(Wave{1024}, linear)), {.samples = 1 << 12, .seed = seed}).warnings));
+  }
+}
+
+TEST_CASE("survey, recipe and multilevel warn of it as well", "[resonance]") {
+  const auto levels = transmitted(Wave{4096});
+  const Survey s = survey(levels, 8, {.samples = 1024});
+  CHECK(is_warned(s.remarks));
+  CHECK(s.pmf_exists == Answer::open);
+  CHECK(is_warned(estimate(recipe(levels), {.samples = 1 << 13}).warnings));
+  const MultilevelStatistics m = multilevel(levels, 1e-2);
+  CHECK(is_warned(m.warnings));
+  CHECK_FALSE(m.goal_met());
+}
+
+TEST_CASE("two batches have to agree on what is missed", "[resonance]") {
+  std::array<double, 4> one = {0, 0, 0, 5};
+  CHECK(detail::agreed(one) == 0);
+  std::array<double, 4> two = {4, 0, 5, 0};
+  CHECK(detail::agreed(two) == 4);
+  std::array<double, 4> below = {-4, -3, -5, -2};
+  CHECK(detail::agreed(below) == -4);
+  std::array<double, 4> bad = {4, 5, 6, std::nan("")};
+  CHECK(detail::agreed(bad) == 0);
+}
