@@ -11,6 +11,8 @@
 // Declare other rates: {1, 1} where g has a kink at E X ({2, 1} on a comb), min(4(1 - s), (1 - s) / s) for
 // |x - c|^-s in f; a band-limited periodic f has no differences at all above its band. Fails where the mean
 // of a few draws can lie where g has no moments (1/x near 0): start above those (base_level_for_pole).
+// A comb sees nothing of a period that is a whole multiple of its spacing: runs, surveys, recipes and multilevel warn where
+// combs of independent offsets tell (core/resonance.hpp); function_of_jittered_integral has no such period.
 // A g with gap(mean, half_difference) (functions.hpp) gives D_k without cancellation; a plain lambda leaves a
 // residue of an ulp of g, which a PMF divides by p_k.
 // Numbers: those of the draws one after the other, even and odd in turn; of a comb its offset alone, number 0; of jittered points

@@ -19,7 +19,6 @@ constexpr std::int64_t most_draws = 256;
 constexpr std::int64_t most_levels = 3;
 constexpr std::int64_t few_beyond = 8;      // draws of deeper levels, from which on a level is looked at
 constexpr double room = 2;                  // standard errors
-constexpr double one_sigma = 0.6826894921;  // confidence
 constexpr double rounding = 1e-12;
 
 }  // namespace
@@ -72,7 +71,9 @@ void judge_points(Statistics& s, const Missed& missed) {
   double size = 0;
   std::size_t where = 0;
   std::int64_t looked = 0;
+  // Not the interval: zeros that it doubts would widen it beyond what they hide.
   std::vector<double> errors;
+  for (const ComponentEstimate& c : s.components) errors.push_back(c.standard_error);
   for (std::size_t i = levels.size(); i-- > 0 && looked < most_levels;) {
     const auto [level, deeper] = levels[i];
     const auto k = static_cast<std::int64_t>(level);
@@ -80,13 +81,6 @@ void judge_points(Statistics& s, const Missed& missed) {
     if (draws == 0) break;
     ++looked;
     const std::vector<double> b = missed(k, draws);
-    if (errors.empty()) {
-      for (std::size_t c = 0; c < s.components.size(); ++c) {
-        const Interval interval = s.interval(one_sigma, c);
-        const double wide = (interval.high - interval.low) / 2;
-        errors.push_back(std::isfinite(wide) ? wide : s.components[c].standard_error);
-      }
-    }
     for (std::size_t c = 0; c < b.size() && c < errors.size(); ++c) {
       const double allowed =
           (std::sqrt(static_cast<double>(deeper)) + room) * errors[c] + rounding * std::abs(s.components[c].mean);
