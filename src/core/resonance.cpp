@@ -17,8 +17,8 @@ constexpr double least_lookups = 4096;     // as long as they are at most half o
 constexpr std::int64_t fewest_draws = 8;
 constexpr std::int64_t most_draws = 256;
 constexpr std::int64_t most_levels = 3;
-constexpr std::int64_t few_beyond = 8;      // draws of deeper levels, from which on a level is looked at
-constexpr double room = 2;                  // standard errors
+constexpr std::int64_t few_beyond = 8;  // draws of deeper levels, from which on a level is looked at
+constexpr double room = 2;              // standard errors
 constexpr double rounding = 1e-12;
 
 }  // namespace

@@ -210,7 +210,8 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
   for (const Warning& remark : advice.survey.remarks) {
-    if (remark.code == WarningCode::coupling) statistics.warnings.push_back({remark.code, remark.text + "."});
+    const bool wrong = remark.code == WarningCode::coupling || remark.code == WarningCode::aliased_differences;
+    if (wrong) statistics.warnings.push_back({remark.code, remark.text + "."});
   }
 }
 

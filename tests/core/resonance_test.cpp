@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include <catch2/catch_test_macros.hpp>
+#include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
 #include <debias/estimators/single_term.hpp>
