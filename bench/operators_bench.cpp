@@ -11,7 +11,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -27,65 +26,18 @@
 #include <debias/pmf/geometric.hpp>
 #include <debias/recipe.hpp>
 
+#include "../tests/operators/matrices.hpp"
+
 namespace debias::bench {
 namespace {
 
-using Sparse = Eigen::SparseMatrix<double>;
 using Vector = Eigen::VectorXd;
-
-Sparse chain(Eigen::Index n, double shift) {
-  Sparse a(n, n);
-  a.reserve(Eigen::VectorXi::Constant(n, 3));
-  for (Eigen::Index i = 0; i < n; ++i) {
-    if (i > 0) a.insert(i - 1, i) = -1;
-    a.insert(i, i) = 2 + shift;
-    if (i + 1 < n) a.insert(i + 1, i) = -1;
-  }
-  a.makeCompressed();
-  return a;
-}
-
-double log_det_of_chain(double n, double shift) {
-  const double t = 2 * std::asinh(std::sqrt(shift) / 2);
-  return (n + 1) * t + std::log1p(-std::exp(-2 * (n + 1) * t)) - std::log(2 * std::sinh(t));
-}
-
-Sparse grid(Eigen::Index side, double shift) {
-  Sparse a(side * side, side * side);
-  a.reserve(Eigen::VectorXi::Constant(side * side, 5));
-  for (Eigen::Index y = 0; y < side; ++y) {
-    for (Eigen::Index x = 0; x < side; ++x) {
-      const Eigen::Index here = y * side + x;
-      if (y > 0) a.insert(here - side, here) = -1;
-      if (x > 0) a.insert(here - 1, here) = -1;
-      a.insert(here, here) = 4 + shift;
-      if (x + 1 < side) a.insert(here + 1, here) = -1;
-      if (y + 1 < side) a.insert(here + side, here) = -1;
-    }
-  }
-  a.makeCompressed();
-  return a;
-}
-
-double log_det_of_grid(Eigen::Index side, double shift) {
-  double sum = 0;
-  for (Eigen::Index k = 1; k <= side; ++k) {
-    const double half = std::sin(std::numbers::pi * static_cast<double>(k) / (2 * static_cast<double>(side + 1)));
-    sum += log_det_of_chain(static_cast<double>(side), shift + 4 * half * half);
-  }
-  return sum;
-}
-
-Eigen::MatrixXd kernel(Eigen::Index n, double length, double nugget) {
-  Eigen::MatrixXd k(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double d = static_cast<double>(i - j) / length;
-      k(i, j) = std::exp(-d * d / 2) + (i == j ? nugget : 0);
-    }
-  }
-  return k;
-}
+using testing::chain;
+using testing::grid;
+using testing::kernel;
+using testing::log_det_of_chain;
+using testing::log_det_of_grid;
+using testing::Sparse;
 
 double log_det_by_cholesky(const Eigen::MatrixXd& a) {
   const Eigen::LLT<Eigen::MatrixXd> llt(a);
@@ -118,6 +70,13 @@ void report_run(benchmark::State& state, const Result& r, double truth, double o
   state.counters["products"] = r.work / samples;
   state.counters["variance_work"] = r.components[0].variance * r.work / samples / (truth * truth);
   state.counters["z"] = (r.mean + offset - truth) / r.standard_error;
+}
+
+/// A constant, since g++ 12 warns of a temporary plan without cause.
+Plan plan_of(std::int64_t samples) {
+  Plan plan;
+  plan.samples = samples;
+  return plan;
 }
 
 template <class Work>
@@ -169,25 +128,21 @@ void m08() {
     Sparse identity(1000, 1000);
     identity.setIdentity();
     const Sparse rest = identity - chain(1000, shift) / middle;
-    report_run(state, estimate(roulette(log_determinant(rest), Geometric(1.0 / 484)), {.samples = 4096, .seed = 1}),
-               truth, 1000 * std::log(middle));
+    report_run(state, estimate(roulette(log_determinant(rest), Geometric(1.0 / 484)), plan_of(4096)), truth,
+               1000 * std::log(middle));
   });
   once("operators/M08/chebyshev", [=](benchmark::State& state) {
-    report_run(
-        state,
-        estimate(roulette(log_determinant_spd(chain(1000, shift), {.lower = shift})), {.samples = 1 << 15, .seed = 1}),
-        truth);
+    report_run(state, estimate(roulette(log_determinant_spd(chain(1000, shift), {.lower = shift})), plan_of(1 << 15)),
+               truth);
   });
   once("operators/M08/chebyshev_recipe", [=](benchmark::State& state) {
-    report_run(
-        state,
-        estimate(recipe(log_determinant_spd(chain(1000, shift), {.lower = shift})), {.samples = 1 << 15, .seed = 1}),
-        truth);
+    report_run(state, estimate(recipe(log_determinant_spd(chain(1000, shift), {.lower = shift})), plan_of(1 << 15)),
+               truth);
   });
   for (const int distance : {1, 3, 7, 15}) {
     once("operators/M08/coloured_" + std::to_string(distance), [=](benchmark::State& state) {
       const auto terms = log_determinant_spd(chain(1000, shift), {.lower = shift}, Coloured{.distance = distance});
-      report_run(state, estimate(recipe(terms), {.samples = 1 << 13, .seed = 1}), truth);
+      report_run(state, estimate(recipe(terms), plan_of(1 << 13)), truth);
     });
   }
 }
@@ -220,25 +175,24 @@ void probes() {
   const Sparse a = grid(60, 0.08);  // condition 101
   const double truth = log_det_of_grid(60, 0.08);
   once("operators/laplacian_60/signs", [=](benchmark::State& state) {
-    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.08})), {.samples = 8192, .seed = 1}), truth);
+    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.08})), plan_of(8192)), truth);
   });
   for (const int distance : {1, 2, 3, 5, 7}) {
     once("operators/laplacian_60/coloured_" + std::to_string(distance), [=](benchmark::State& state) {
       const auto terms = log_determinant_spd(a, {.lower = 0.08}, Coloured{.distance = distance});
       state.counters["colours"] = static_cast<double>(terms.columns());
-      report_run(state, estimate(recipe(terms), {.samples = 1024, .seed = 1}), truth);
+      report_run(state, estimate(recipe(terms), plan_of(1024)), truth);
     });
   }
   const Eigen::MatrixXd k = kernel(300, 10, 0.1);
   const double of_kernel = log_det_by_cholesky(k);
   once("operators/kernel_300/signs", [=](benchmark::State& state) {
-    report_run(state, estimate(recipe(log_determinant_spd(k, {.lower = 0.1})), {.samples = 2048, .seed = 1}),
-               of_kernel);
+    report_run(state, estimate(recipe(log_determinant_spd(k, {.lower = 0.1})), plan_of(2048)), of_kernel);
   });
   for (const int vectors : {20, 40, 60}) {
     once("operators/kernel_300/hutch++_" + std::to_string(vectors), [=](benchmark::State& state) {
       const auto terms = log_determinant_spd(k, {.lower = 0.1}, HutchPlusPlus{.vectors = vectors});
-      report_run(state, estimate(recipe(terms), {.samples = 2048, .seed = 1}), of_kernel);
+      report_run(state, estimate(recipe(terms), plan_of(2048)), of_kernel);
     });
   }
 }
@@ -288,7 +242,7 @@ void million() {
       // the standard error falls with the root of rows x samples: 32 of 10^6 rows for 1e-4
       const auto samples = static_cast<std::int64_t>(40e6 / static_cast<double>(side * side));
       const auto r = estimate(recipe(log_determinant_spd(a, {.lower = 0.004}, Coloured{.distance = 2})),
-                              {.samples = std::max<std::int64_t>(8, samples / 40), .seed = 1, .threads = 1});
+                              plan_of(std::max<std::int64_t>(8, samples / 40)));
       report_run(state, r, truth);
       state.counters["relative_error"] = r.standard_error / truth;
       state.counters["probe_share"] = r.split.probe_share();

@@ -199,6 +199,17 @@ struct Step {
     return Pair(0.5 * x.first() + z, 0.25 * x.second() + z);
   }
 };
+/// A fresh draw of Variable now and then; of two chains the same one.
+struct Refresh {
+  Pair operator()(const Pair& x, debias::Stream& rng) const { return rng.uniform() < 0.5 ? Variable{}(rng) : x; }
+};
+struct RefreshBoth {
+  std::pair<Pair, Pair> operator()(const Pair& x, const Pair& y, debias::Stream& rng) const {
+    if (!(rng.uniform() < 0.5)) return {x, y};
+    const Pair fresh = Variable{}(rng);
+    return {fresh, fresh};
+  }
+};
 struct Start {
   Pair operator()(debias::Stream& rng) const { return Variable{}(rng); }
 };
@@ -330,6 +341,10 @@ TEST_CASE("an awkward value type goes through every module that makes a sequence
                3, 6));
   CHECK(agrees(unbiased(debias::steady_state(lab::Step{}, lab::Pair(0, 0), lab::Squares{}, debias::contraction(0.5))),
                4.0 / 3, 16.0 / 15));
+  CHECK(agrees(debias::estimate(debias::coupled_chain(debias::kernel_of(lab::Refresh{}, lab::RefreshBoth{}),
+                                                      lab::Pair(0, 0), lab::Read{}, {.burn_in = 2, .length = 8}),
+                                plan),
+               1.5, 3));
   const debias::OrnsteinUhlenbeck model{.start = 1, .volatility = 0.1};
   CHECK(agrees(unbiased(debias::milstein(model, lab::Payoff{})), std::exp(-1.0),
                std::exp(-2.0) + 0.005 * (1 - std::exp(-2.0))));

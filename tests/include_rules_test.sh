@@ -1,6 +1,7 @@
 #!/bin/sh
 # Includes point downward only: cli, python -> commands -> validation, catalog, render -> recipe, modules -> core. Names each
-# one that does not, calls that are not for threads, and texts of numbers that ask the locale.
+# one that does not, sources that do not include their header first, calls that are not for threads, texts of numbers that ask
+# the locale, and names of tests that CMake cuts.
 #   sh tests/include_rules_test.sh [PROGRAM]
 set -eu
 here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
@@ -10,7 +11,7 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_runner='core/(refusals|stream|stream_batch|vector_math|text|value|rates|sequence|pmf|estimator|accumulator|bias)'
 may_include() {
   case $1 in
-    core/verdict | core/plan) echo 'core/.*|statistics/(evidence|meeting)' ;;
+    core/verdict | core/plan) echo 'core/.*|statistics/(evidence|meeting|posterior)' ;;
     core/*) echo 'core/.*' ;;
     statistics/*) echo 'core/.*|statistics/.*' ;;
     pmf/any | pmf/dyadic) echo 'core/.*|pmf/.*' ;;
@@ -29,12 +30,12 @@ may_include() {
     # the laws of published schedules
     transmittance) echo "$no_runner|core/text|taylor|function_of_mean|functions|pmf/bhanot_kennedy" ;;
     photon) echo "$no_runner|pmf/(geometric|radius)" ;;
-    survey | survey/*) echo 'core/.*|statistics/evidence|survey|survey/.*' ;;
+    survey | survey/*) echo 'core/.*|statistics/(evidence|posterior)|survey|survey/.*' ;;
     diagnostics) echo 'core/.*' ;;
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
-    recipe | recipe/*) echo 'recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
+    recipe | recipe/*) echo 'recipe|recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative|recipe|chains)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde|chains)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;
@@ -76,7 +77,14 @@ check() {
         [ "$target" = "$name" ] || printf '%s\n' "$target" | grep -qxE "$allowed" ||
           echo "$file may not include $target.hpp (allowed: $allowed)"
       done
+    # A public header is shown to compile alone by its source, if it has one, or by a file made for it (tests/CMakeLists.txt).
+    case $file in src/*.cpp)
+      [ ! -f "include/debias/$name.hpp" ] || grep -m1 '^#include' "$file" | grep -qxF "#include <debias/$name.hpp>" ||
+        echo "$file does not include <debias/$name.hpp> first" ;;
+    esac
   done
+  # CMake cuts a list there, and the case is not found.
+  [ ! -d tests ] || grep -rnE '^TEST_CASE\("[^"]*;' tests || true
 }
 
 # check_objects LIBRARY...: std::to_string of a double is vsnprintf, which only the object files can tell from that of a
@@ -107,6 +115,7 @@ arrow src/commands/run.cpp '"cli/output.hpp"'
 arrow src/commands/survey.cpp '"python/problem.hpp"'
 arrow src/cli/run.cpp '"python/problem.hpp"'
 arrow src/python/module.cpp '"cli/requests.hpp"'
+mkdir "$wrong/tests" && echo 'TEST_CASE("one; two", "[x]") {}' > "$wrong/tests/x_test.cpp"
 echo 'double x = std::lgamma(3);' > "$wrong/src/catalog/sums.cpp"
 cat > "$wrong/src/locale.cpp" << 'EOF'
 std::snprintf(text, sizeof text, "%.3g", x);
@@ -118,8 +127,8 @@ text.precision(3);
 std::ostringstream names;  // only texts
 EOF
 found=$(check "$wrong" | wc -l)
-[ "$found" -eq 21 ] ||
-  { echo "the check found $found of 15 upward includes, a shared state, 5 locales"; check "$wrong"; exit 1; }
+[ "$found" -eq 23 ] ||
+  { echo "the check found $found of 15 upward includes, 1 not first, 1 name, a shared state, 5 locales"; check "$wrong"; exit 1; }
 
 bad=$(check "$here")
 [ -z "$bad" ] || { printf '%s\n' "$bad"; exit 1; }

@@ -18,10 +18,10 @@ no_callable='
  results:     batch_interval bound_of survey_of fit_pareto interval_of median_of_means merge model_of name_of predict
               samples_for_mean tail_index tail_size usable_tail_index with_error
  statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges full interval_with is_note log2_work
-              meeting_tail part_in_variance print_full row_of together weigh
+              meeting_tail net_blocks part_in_variance print_full print_terms row_of slow_terms together upper weigh
  files:       read_run save_run
  what hands an estimator or a sequence on as it is:
-              deepest_level_of named with_deepest_level
+              deepest_level_of facts_of named with_deepest_level
  what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:
               advise description difference_of estimator_of level_runs ranks_of survey_level survey_within
               term_moments value_of

@@ -168,8 +168,8 @@ TEST_CASE("a PMF exists, does not, or it is open", "[survey][statistical]") {
   CHECK(answer(NormalDifferences{0, 1}) == Answer::no);
   // No number of levels tells beta - gamma = 0 from what is next to it.
   CHECK(answer(NormalDifferences{1, 1}) == Answer::open);
-  // A mean of |D| that grows at equal rarity: not yet typical, since the sequence converges.
-  CHECK(answer(NormalDifferences{-1, 0}) == Answer::open);
+  // Growth by as much at each of six levels is no start and no hump.
+  CHECK(answer(NormalDifferences{-1, 0}) == Answer::no);
   // Shallow levels that do not decay yet, below deeper ones that are not usable, are no proof that none will.
   CHECK(survey_within(level_runs(RareLate{}), 1 << 14, {.samples = 1 << 16, .seed = 1}).pmf_exists != Answer::no);
   // Two usable levels are no rate.

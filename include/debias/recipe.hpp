@@ -13,9 +13,10 @@
 // run's work. While the answer is open it goes on to the run's own work and no further, and the run goes on: the pilot's
 // levels and its own then widen its interval. Levels that were hardly seen get the mass that the posterior asks for,
 // never less. Throws only where a no is shown or likely (statistics/evidence.hpp says what no rule decides).
-// Once levels are known it measures, by a few scrambled nets a level, how the variance of a mean falls with the points, and takes
-// blocks of nets where they promise a quarter less work than plain numbers (recipe/nets.hpp): 32 blocks at least, their number
-// fixed before the run. Pilots of both kinds together end at the larger of 2e4 draws of the base and a tenth of the run.
+// Where points are left to it (`.points = std::nullopt`) it measures, once levels are known, by a few scrambled nets a level how
+// the variance of a mean falls with the points, and takes blocks of nets where they promise a quarter less work than plain
+// numbers (recipe/nets.hpp): 32 blocks at least, their number fixed before the run. Such pilots aim at no more than the larger of
+// 2e4 draws of the base and a tenth of the run; what an open answer, or the strata of a choice, draw comes on top.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the PMF; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cmath>
@@ -46,9 +47,9 @@ struct RecipeOptions {
   std::optional<Base> base{};                ///< this very form
   std::optional<Rates> rates{};              ///< declared, in place of those of the sequence: a prior of the pilot
   std::optional<double> budget{};            ///< of the pilot, in work: more, where the answer is open or the run long
-  /// Of the members of a level: points of nets, or plain numbers; none: what the pilot finds better. Nets take Base::one_outcome
-  /// and a decay like a power of 2: std::invalid_argument where they are asked for without.
-  std::optional<Points> points{};
+  /// Of the members of a level: points of nets, or plain numbers; std::nullopt: what the pilot finds better. Nets take
+  /// Base::one_outcome and a decay like a power of 2: std::invalid_argument where they are asked for without.
+  std::optional<Points> points = Points::plain;
 };
 
 /// What the pilot found and chose, in numbers and in words.

@@ -108,7 +108,7 @@ Problem chain_square() {
                  .module = "chains.hpp",
                  .truth = 1,
                  .formula = "E X^2 of N(0, 1) by a coupled random walk: 1"},
-                random_walk(normal_density, 2.4), wide_start, square, {.burn_in = 20, .length = 400, .lag = 20},
+                random_walk(normal_density, 2.4), wide_start, square, {.burn_in = 20, .length = 200, .lag = 20},
                 {.burn_in = 2, .length = 2, .lag = 4}, Rates{2, 0});
 }
 
@@ -127,7 +127,7 @@ Problem chain_product() {
        .module = "chains.hpp",
        .truth = 0.9,
        .formula = "E X Y of a bivariate normal of correlation .9 by coupled Gibbs steps: .9"},
-      gibbs(conditional), start, [](const Point& x) { return x[0] * x[1]; }, {.burn_in = 25, .length = 500, .lag = 25},
+      gibbs(conditional), start, [](const Point& x) { return x[0] * x[1]; }, {.burn_in = 25, .length = 250, .lag = 25},
       {.burn_in = 2, .length = 2, .lag = 4}, Rates{1.2, 0});
 }
 
@@ -144,7 +144,7 @@ Problem chain_modes() {
        .formula = "E |X| of N(-3, 1) / 2 + N(3, 1) / 2 by a coupled random walk: sqrt(2/pi) e^(-9/2) + 3 (1 - 2 "
                   "Phi(-3))"},
       random_walk(density, 4), [](Stream& rng) { return 4 * rng.normal(); }, [](double x) { return std::abs(x); },
-      {.burn_in = 60, .length = 1200, .lag = 60}, {.burn_in = 3, .length = 3, .lag = 6}, Rates{1.8, 0});
+      {.burn_in = 60, .length = 600, .lag = 60}, {.burn_in = 3, .length = 3, .lag = 6}, Rates{1.8, 0});
 }
 
 Problem chain_ising() {
@@ -178,7 +178,7 @@ Problem chain_ising() {
        .module = "chains.hpp",
        .truth = -13.50486517798170671589,
        .formula = "energy of the periodic 4 x 4 Ising model at beta .3 by coupled heat baths, by enumeration"},
-      gibbs(conditional), start, energy, {.burn_in = 25, .length = 250, .lag = 10},
+      gibbs(conditional), start, energy, {.burn_in = 40, .length = 200, .lag = 10},
       {.burn_in = 2, .length = 2, .lag = 4}, Rates{1.2, 0});
 }
 

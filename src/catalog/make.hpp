@@ -4,20 +4,16 @@
 
 #include <cstdint>
 #include <functional>
-#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
 
 #include <debias/core/estimate.hpp>
 #include <debias/core/sequence.hpp>
-#include <debias/estimators/independent_sum.hpp>
 #include <debias/estimators/roulette.hpp>
-#include <debias/estimators/single_term.hpp>
-#include <debias/estimators/stratified.hpp>
-#include <debias/estimators/truncated.hpp>
 
 #include "../catalog.hpp"
+#include "any_levels.hpp"
 
 namespace debias::catalog {
 
@@ -33,69 +29,11 @@ struct Facts {
 
 namespace detail {
 
-template <BiasedSequence S>
-LevelSums pilot(const S& sequence, std::int64_t level, std::int64_t draws, std::uint64_t seed) {
-  LevelSums sums;
-  for (std::int64_t i = 0; i < draws; ++i) {
-    const Stream sample = split(Stream(seed, static_cast<std::uint64_t>(i)), Branch::pilot);
-    Stream rng = split_level(sample, level);
-    const auto term = difference_of(sequence, level, rng);
-    debias::detail::check_work(level, term.work);
-    sums.add(as_scalar(term.value), term.work);
-  }
-  return sums;
-}
-
-/// A run or a trace. Both are asked for in one call: the estimators of a problem are made in one place, once.
-struct Task {
-  const Plan* plan = nullptr;  ///< of a run; null for a trace
-  std::uint64_t seed = 0;
-  std::int64_t index = 0;
-  Statistics statistics = {};
-  Trace<double> trace = {};
-};
-
-template <Estimator E>
-void carry_out(const E& e, Task& task) {
-  if (task.plan != nullptr) {
-    task.statistics = estimate(e, *task.plan);
-  } else {
-    task.trace = debias::trace(e, task.seed, task.index);
-  }
-}
-
 /// In catalog.cpp, once for all problems: `run` and `trace` of a problem, and one more method of it.
 void set_runs(Problem& p, std::function<void(const Choice&, Task&)> work);
 void add_special(Problem& p, Special special, std::function<void(Task&)> work);
 
-// Calls `use` with the estimator that a choice names. `terms` is the same sequence as a series, or void.
-template <class Terms, BiasedSequence S, class Use>
-void with_estimator(const S& sequence, const Terms& terms, const Choice& c, const Use& use) {
-  switch (c.method) {
-    case Method::single_term:
-    case Method::single_term_outcome: {
-      const Base base = c.method == Method::single_term ? Base::every_sample : Base::one_outcome;
-      const auto member = single_term(sequence, c.pmf, {.base_level = c.base_level, .base = base});
-      const bool counts = c.points == Points::nets && c.pmf.block() > 0;
-      return c.block > 1 ? use(stratified(member, c.block, counts ? Strata::residual : Strata::systematic, c.points))
-                         : use(member);
-    }
-    case Method::independent_sum:
-      return use(independent_sum(sequence, c.pmf, {.base_level = c.base_level}));
-    case Method::roulette:
-      if constexpr (TermSequence<Terms>) {
-        return use(roulette(terms, c.pmf, {.base_level = c.base_level}));
-      } else {
-        throw std::invalid_argument(
-            "roulette: this problem has levels, not terms in order (roulette needs a series); try "
-            "independent_sum");
-      }
-    case Method::truncated:
-      break;
-  }
-  return use(truncated(sequence, c.base_level));
-}
-
+/// `terms` is the same sequence as a series, or NoTerms.
 template <class Terms, BiasedSequence S>
 Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& rates) {
   Problem p;
@@ -109,13 +47,19 @@ Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& ra
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum};
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
   p.methods.push_back(Method::truncated);
-  set_runs(p, [sequence, terms](const Choice& choice, Task& task) {
-    with_estimator(sequence, terms, choice, [&task](const auto& e) { carry_out(e, task); });
+  const auto levels = any_levels(sequence);
+  set_runs(p, [levels, terms](const Choice& choice, Task& task) {
+    if constexpr (TermSequence<Terms>) {
+      if (choice.method == Method::roulette && choice.special.empty()) {
+        return carry_out(roulette(terms, choice.pmf, {.base_level = choice.base_level}), task);
+      }
+    }
+    levels.carry_out(choice, task);
   });
-  p.pilot = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
-    return pilot(sequence, level, draws, seed);
+  p.pilot = [levels](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+    return levels.pilot(level, draws, seed);
   };
-  p.levels = level_runs(sequence);
+  p.levels = levels.runs();
   return p;
 }
 

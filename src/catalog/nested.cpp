@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include <debias/estimators/single_term.hpp>
 #include <debias/functions.hpp>
 #include <debias/nested.hpp>
 

@@ -12,10 +12,10 @@ namespace {
 constexpr double highest_power = 16;  // of a g that draws with exponential tails can bear
 
 [[noreturn]] void refuse_pole(const std::string& where) {
-  throw std::invalid_argument(
-      "function_of_mean: g has no finite value at " + where +
-      " (estimates by coupled chains are signed and lie around any point with a density, so that "
-      "no level has a mean, whatever the base level); take a g without a pole");
+  throw std::invalid_argument("function_of_mean: g has no finite value at " + where +
+                              " (estimates by coupled chains are signed, and means of them may lie around any point, "
+                              "so that no level has a mean, "
+                              "whatever the base level); take a g without a pole");
 }
 
 // Sizes at 2^-2, 2^-1, ... times `sign`.
@@ -35,10 +35,12 @@ void check_side(const std::vector<double>& sizes, double sign) {
     power = i > 0 && sizes[i - 1] > 0 ? std::log2(sizes[i] / sizes[i - 1]) : 0;
     if (std::isinf(sizes[i]) && before <= highest_power && i < has_value) refuse_pole(point(i));
     if (std::isinf(sizes[i]) || (power > highest_power && before > highest_power)) {
-      throw std::invalid_argument(
-          "function_of_mean: g grows faster than any power towards " + point(i) +
-          " (estimates by coupled chains have tails no lighter than exponential, so that no level has a mean, whatever "
-          "the base level); take the power series: taylor_sum(draws_of(chain), g, centre, pmf) asks for moments only");
+      throw std::invalid_argument("function_of_mean: g grows faster than any power towards " + point(i) +
+                                  " (estimates by coupled chains have tails no lighter than exponential: level 0 need "
+                                  "not have a mean, and where f "
+                                  "is not bounded no level has one, whatever the base level); take the power series: "
+                                  "taylor_sum(draws_of(chain), "
+                                  "g, centre, pmf) asks for moments only");
     }
   }
 }

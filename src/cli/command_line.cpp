@@ -39,7 +39,7 @@ void add_choice(Subcommand& c) {
   c.value("pmf", "PMF", "PMF of the random level, see `debias list pmfs`");
   c.value("block", "N", "Samples of a block of systematic strata; --samples is rounded up to whole blocks");
   c.value("base_level", "M", "Lowest level m; auto is the lowest that behaves");
-  c.value("points", "NAME", "Members of a level in a block: points of nets, or plain; auto leaves it to a recipe");
+  c.value("points", "NAME", "Members of a level in a block: plain, or points of nets; auto leaves it to a recipe");
 }
 
 void add_plan(Subcommand& c) {

@@ -21,8 +21,10 @@ MultilevelRequest multilevel_of(const RunRequest& request) {
     throw BadRequest({estimator, " multilevel (takes its draws from ", error, "); write ", error, " 0.01"});
   }
   const Shape& shape = request.shape;
-  if (!std::holds_alternative<Declared>(shape.pmf) || shape.base_level || shape.block != 1) {
-    throw BadRequest({estimator, " multilevel (has no PMF, base level or block to choose); leave them out"});
+  if (!std::holds_alternative<Declared>(shape.pmf) || shape.base_level || shape.block != 1 ||
+      shape.points == Points::nets) {
+    throw BadRequest(
+        {estimator, " multilevel (has no PMF, base level or block to choose, and no points); leave them out"});
   }
   return {request.problem, plan.goal.error, plan.seed, plan.threads, plan.ranks};
 }

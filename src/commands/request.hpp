@@ -62,11 +62,11 @@ PmfChoice pmf_of(const std::string& text);
 
 /// What one sample is.
 struct Shape {
-  std::optional<Estimator> estimator = {};      ///< single_term
-  PmfChoice pmf = Declared{};                   ///< of the random level
-  std::optional<std::int64_t> base_level = {};  ///< the lowest that behaves
-  std::int64_t block = 1;                       ///< samples of a block of systematic strata
-  std::optional<Points> points = {};            ///< of a recipe, what it finds better; else plain
+  std::optional<Estimator> estimator = {};       ///< single_term
+  PmfChoice pmf = Declared{};                    ///< of the random level
+  std::optional<std::int64_t> base_level = {};   ///< the lowest that behaves
+  std::int64_t block = 1;                        ///< samples of a block of systematic strata
+  std::optional<Points> points = Points::plain;  ///< none: of a recipe, what it finds better; else plain
 
   [[nodiscard]] bool by_recipe() const { return estimator && estimator->recipe; }
 };

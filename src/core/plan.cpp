@@ -23,10 +23,11 @@ PilotRun::~PilotRun() = default;
 PilotRun& PilotRun::operator+=(const PilotRun& other) {
   work += other.work;
   seconds += other.seconds;
-  if (levels.empty()) {
-    levels = other.levels;
-    sequence = other.sequence;
-  }
+  // Sums of another rank or shard may know nothing of the sequence.
+  const bool states_nothing =
+      !sequence.declared && !sequence.exact_from && !sequence.constant_limit && !sequence.meeting_times;
+  if (levels.empty() && (states_nothing || !other.levels.empty())) sequence = other.sequence;
+  if (levels.empty()) levels = other.levels;
   return *this;
 }
 

@@ -75,7 +75,9 @@ class Printer {
   }
 
   void means() {
-    const char* doubt = has_verdict_ && !verdict_.interval_reliable() ? " (unreliable, see verdict)" : "";
+    const char* doubt = s_.has_wrong_coupling()                         ? " (BIASED, see warning)"
+                        : has_verdict_ && !verdict_.interval_reliable() ? " (unreliable, see verdict)"
+                                                                        : "";
     detail::print_ends(s_.components.size(), [&](std::size_t i, const std::string& left_out) {
       if (!left_out.empty()) return line("", left_out);
       const ComponentEstimate& c = s_.components[i];
@@ -109,14 +111,22 @@ class Printer {
     const auto outcome = [&](double reached, const std::string& unit) {
       if (s_.nonfinite > 0 || std::isnan(reached)) return std::string(": NOT met, there is no error to judge by");
       if (std::isinf(reached)) return ": NOT met, no bound on the error" + unit;
+      if (s_.has_wrong_coupling()) return std::string(": NOT met, the mean is biased");
       return (s_.goal_met() ? ": met, " : ": NOT met, ") + format("%.3g", reached) + unit;
+    };
+    // The goal is one of what was drawn.
+    const auto with_unseen = [&](double goal, double size) {
+      const double all = std::hypot(s_.goal_error(), std::sqrt(verdict_.unseen_variance)) / size;
+      return has_verdict_ && s_.goal_met() && all > goal ? "; " + format("%.3g", all) + " with levels not seen"
+                                                         : std::string();
     };
     const bool biased = s_.bias_bound.size > 0;
     const std::string parts = !biased ? ""
                                       : " = sqrt(standard error " + format("%.2g", s_.total_error()) + "^2 + bias " +
                                             format("%.2g", s_.bias_bound.size) + "^2)";
     const std::string what = biased ? "error " : "standard error ";
-    if (g.error > 0) line("goal", what + format("%g", g.error) + outcome(s_.goal_error(), parts));
+    if (g.error > 0)
+      line("goal", what + format("%g", g.error) + outcome(s_.goal_error(), parts) + with_unseen(g.error, 1));
     if (g.relative_error > 0) {
       const double size = s_.norm();
       const bool told = size > 3 * s_.goal_error();
@@ -125,7 +135,8 @@ class Printer {
           : told    ? ""
                     : "; the mean is not told from 0, its error is " + format("%.3g", s_.goal_error());
       const double reached = size == 0 && s_.goal_error() == 0 ? 0 : s_.goal_error() / size;
-      line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero));
+      line("goal", "relative error " + format("%g", g.relative_error) + outcome(reached, of_zero) +
+                       with_unseen(g.relative_error, size));
     }
     if (g.seconds > 0) line("goal", format("%g", g.seconds) + " seconds" + outcome(s_.seconds, ""));
   }

@@ -41,7 +41,10 @@ Interval Statistics::interval(double confidence, std::size_t component) const {
       error = std::sqrt(error * error + share * v.unseen_variance);
     }
   }
-  const double half_width = error_quantile((1 - confidence) / 2, moments.count, degrees) * error;
+  double half_width = error_quantile((1 - confidence) / 2, moments.count, degrees) * error;
+  // An error below the rounding of the values says nothing of theirs.
+  constexpr double rounding = 4 * std::numeric_limits<double>::epsilon();
+  if (error > 0) half_width = std::max(half_width, rounding * std::abs(c.mean));
   return {c.mean - half_width, c.mean + half_width, confidence};
 }
 
@@ -57,11 +60,17 @@ double Statistics::norm() const {
   return std::sqrt(square);
 }
 
+bool Statistics::has_wrong_coupling() const {
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [](const Warning& warning) { return warning.code == WarningCode::coupling; });
+}
+
 double Statistics::goal_error() const { return std::hypot(total_error(), bias_bound.size); }
 
 bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
+  if (has_wrong_coupling()) return false;
   if (goal.error > 0) return goal_error() <= goal.error;
   if (goal.relative_error > 0) return norm() > 0 && goal_error() <= goal.relative_error * norm();
   return seconds <= goal.seconds;

@@ -1,4 +1,4 @@
-#include "core/text.hpp"
+#include <debias/core/text.hpp>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <system_error>
 #include <vector>
+
+#include "core/text.hpp"
 
 namespace debias {
 namespace {

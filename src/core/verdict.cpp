@@ -393,6 +393,10 @@ std::string graded(const RunVerdict& v) {
   return v.grade == Grade::open ? "" : std::string(" (") + name_of(v.grade) + ")";
 }
 
+constexpr const char* biased =
+    "the mean is BIASED: the levels do not fit together, see warning; no interval covers, and no number of samples "
+    "helps.";
+
 std::string about_variance(const RunVerdict& v) {
   std::string known = evidence_text(v);
   if (v.levels.available && v.unseen_share >= 0.005) {
@@ -503,6 +507,7 @@ RunVerdict judge(const Statistics& s) {
     has_levels = false;
     t.say = {};
   }
+  v.wrong_coupling = s.has_wrong_coupling();
   v.meeting = meeting_of(s);
   t.say = with_meeting(t.say, v.meeting);
   v.largest.assign(s.largest.begin(), s.largest.begin() + std::min<std::ptrdiff_t>(3, std::ssize(s.largest)));
@@ -511,11 +516,13 @@ RunVerdict judge(const Statistics& s) {
 }
 
 bool RunVerdict::interval_reliable() const {
+  if (wrong_coupling) return false;
   if (variance != Finiteness::finite || degrees < fewest_degrees || unseen_share > half) return false;
   return std::isfinite(degrees) || static_cast<double>(samples) >= draws_per_kurtosis * kurtosis;
 }
 
 std::string RunVerdict::sentence() const {
+  if (wrong_coupling) return biased;
   if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this);
   return "variance finite" + graded(*this) + (levels.available ? "" : " as far as these values reach") +
          ", but the interval is unreliable: " + why_unreliable(*this) + "; take more samples.";
@@ -523,7 +530,8 @@ std::string RunVerdict::sentence() const {
 
 std::vector<std::string> RunVerdict::sentences() const {
   std::vector<std::string> all = {about_variance(*this)};
-  if (variance == Finiteness::finite && !interval_reliable()) {
+  if (wrong_coupling) all.emplace(all.begin(), biased);
+  if (variance == Finiteness::finite && !interval_reliable() && !wrong_coupling) {
     all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");
   }
   if (infinite_mean(*this)) {

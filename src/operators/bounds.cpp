@@ -4,7 +4,6 @@
 #include <cmath>
 #include <ostream>
 #include <stdexcept>
-#include <vector>
 
 #include <debias/core/text.hpp>
 
@@ -21,66 +20,6 @@ namespace detail {
 
 namespace {
 
-// How many eigenvalues of a tridiagonal matrix lie below x (Sturm).
-std::size_t eigenvalues_below(std::span<const double> diagonal, std::span<const double> beside, double x) {
-  std::size_t count = 0;
-  double pivot = 1;
-  for (std::size_t i = 0; i < diagonal.size(); ++i) {
-    const double b = i == 0 ? 0 : beside[i - 1];
-    pivot = diagonal[i] - x - (b == 0 ? 0 : b * b / pivot);
-    if (pivot == 0) pivot = 1e-300;
-    if (pivot < 0) ++count;
-  }
-  return count;
-}
-
-// Eigenvalue number `k` from below, by bisection between Gershgorin's bounds: to the last bit or so.
-double eigenvalue(std::span<const double> diagonal, std::span<const double> beside, std::size_t k) {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -low;
-  for (std::size_t i = 0; i < diagonal.size(); ++i) {
-    const double radius = (i > 0 ? std::abs(beside[i - 1]) : 0) + (i + 1 < diagonal.size() ? std::abs(beside[i]) : 0);
-    low = std::min(low, diagonal[i] - radius);
-    high = std::max(high, diagonal[i] + radius);
-  }
-  for (int step = 0; step < 2000; ++step) {
-    const double middle = low / 2 + high / 2;
-    if (!(low < middle && middle < high)) break;
-    (eigenvalues_below(diagonal, beside, middle) > k ? high : low) = middle;
-  }
-  return low / 2 + high / 2;
-}
-
-// The last component of the unit eigenvector of theta, by pivots from both ends that meet where they are smallest.
-double last_component(std::span<const double> diagonal, std::span<const double> beside, double theta) {
-  const std::size_t n = diagonal.size();
-  std::vector<double> down(n);
-  std::vector<double> up(n);
-  const auto nonzero = [](double x) { return x == 0 ? 1e-300 : x; };
-  for (std::size_t i = 0; i < n; ++i) {
-    down[i] = nonzero(diagonal[i] - theta - (i == 0 ? 0 : beside[i - 1] * beside[i - 1] / down[i - 1]));
-  }
-  for (std::size_t i = n; i-- > 0;) {
-    up[i] = nonzero(diagonal[i] - theta - (i + 1 == n ? 0 : beside[i] * beside[i] / up[i + 1]));
-  }
-  std::size_t meet = 0;
-  double smallest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < n; ++i) {
-    const double gap = std::abs(down[i] + up[i] - (diagonal[i] - theta));
-    if (gap < smallest) {
-      smallest = gap;
-      meet = i;
-    }
-  }
-  std::vector<double> v(n);
-  v[meet] = 1;
-  for (std::size_t i = meet; i-- > 0;) v[i] = -beside[i] * v[i + 1] / down[i];
-  for (std::size_t i = meet + 1; i < n; ++i) v[i] = -beside[i - 1] * v[i - 1] / up[i];
-  double squares = 0;
-  for (const double x : v) squares += x * x;
-  return std::abs(v[n - 1]) / std::sqrt(squares);
-}
-
 [[noreturn]] void refuse(const char* name, const std::string& why) {
   throw std::invalid_argument(std::string(name) + ": " + why);
 }
@@ -88,15 +27,6 @@ double last_component(std::span<const double> diagonal, std::span<const double> 
 std::string number(double x) { return format("%.6g", x); }
 
 }  // namespace
-
-RitzValues ritz_values(std::span<const double> diagonal, std::span<const double> beside) {
-  RitzValues ritz;
-  ritz.lowest = eigenvalue(diagonal, beside, 0);
-  ritz.highest = eigenvalue(diagonal, beside, diagonal.size() - 1);
-  const double last = last_component(diagonal, beside, ritz.highest);
-  ritz.residual = beside.back() * (last <= 1 ? last : 1);  // the NaN of an overflow is no residual
-  return ritz;
-}
 
 double unseen_spread(std::size_t rows, int steps) {
   const double root = std::log(1.648 * std::sqrt(static_cast<double>(rows)) * 1e6) / (2.0 * steps - 1);

@@ -13,7 +13,7 @@
 #include <debias/functions.hpp>
 #include <Eigen/Core>
 
-#include "../catalog/make.hpp"
+#include "../catalog/with_estimator.hpp"
 #include "../core/text.hpp"
 #include "collecting.hpp"
 
@@ -26,6 +26,7 @@ template <BiasedSequence S>
 LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
+  runs.facts = debias::facts_of(sequence);
   runs.draw = [sequence, lookups](std::int64_t level, const Plan& plan) -> Statistics {
     return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
@@ -58,7 +59,7 @@ template <BiasedSequence S>
 UserProblem make_problem(const Facts& facts, const S& sequence, const std::shared_ptr<Lookups>& lookups) {
   using catalog::Method;
   const auto with = [sequence](const Choice& choice, const auto& use) {
-    return catalog::detail::with_estimator(sequence, catalog::detail::NoTerms{}, choice, use);
+    return catalog::detail::with_estimator(sequence, choice, use);
   };
   UserProblem user;
   catalog::Problem& p = user.problem;
@@ -85,6 +86,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
     return result;
   };
   p.levels = gathered_levels(sequence, lookups);
+  if (!std::isnan(facts.rates.variance_decay)) p.levels.facts.declared = facts.rates;
   user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {
     with(choice, [&](const auto& e) {
       const auto draw_all = [&] {

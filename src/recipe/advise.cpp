@@ -29,14 +29,13 @@ constexpr double most_open_work = 32;         // of the pilot, for a sample of t
 constexpr double likely_share = 1.0 / 10;     // of the run's work, for an answer that is only likely
 constexpr double most_growth = 16;            // of a pilot over the one before
 constexpr int most_stages = 12;
-constexpr double pilot_share = 1.0 / 32;        // of the work of the run
-constexpr double worthwhile_share = 0.75;       // of the work of plain numbers: less may be the noise of the pilot
-constexpr double first_nets_draws = 1 << 13;    // of the lowest level, in work
-constexpr double first_nets_share = 1.0 / 20;   // at most, of the run of plain numbers: so much they may cost in vain
-constexpr double short_pilot_draws = 2e4;       // of both kinds, in work of the lowest level
-constexpr double net_pilot_share = 1.0 / 10;    // of both kinds, of a longer run
-constexpr double level_share = 1.0 / 3;         // of the levels in that, and at least
-constexpr double least_level_share = 1.0 / 64;  // of the run
+constexpr double pilot_share = 1.0 / 32;       // of the work of the run
+constexpr double worthwhile_share = 0.75;      // of the work of plain numbers: less may be the noise of the pilot
+constexpr double first_nets_draws = 1 << 13;   // of the lowest level, in work
+constexpr double first_nets_share = 1.0 / 20;  // at most, of the run of plain numbers: so much they may cost in vain
+constexpr double short_pilot_draws = 2e4;      // of both kinds, in work of the lowest level
+constexpr double net_pilot_share = 1.0 / 10;   // of both kinds, of a longer run
+constexpr double level_share = 1.0 / 3;        // of that for the levels alone
 constexpr double net_growth = 4;
 
 // The same levels, which draw nothing twice that a choice asks for again; what they draw for it is added to the work.
@@ -210,9 +209,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
       if (!yes) {
         wanted = open_growth * budget;
       } else if (by_nets()) {
-        wanted = std::max(std::min(first_pilot_draws * unit, level_share * most_pilots()),
-                          least_level_share * found->run_work);
-        wanted = std::min(wanted, most_growth * budget);
+        wanted = std::min({first_pilot_draws * unit, level_share * most_pilots(), most_growth * budget});
       } else {
         // A long run deserves a pilot that has seen more, for the sake of its PMF.
         wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);

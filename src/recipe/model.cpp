@@ -212,8 +212,10 @@ VarianceAndWork predict(const TermMoments& moments, const AnyPmf& pmf) {
 
 double bound_of(const Survey& survey, const LevelModel& model, std::int64_t base_level) {
   const auto m = static_cast<std::size_t>(base_level);
-  const SurveyRow& base = *survey.row_at(base_level);
-  double roots = std::sqrt(base.variance * base.value_work);
+  // A level between those that were drawn is like the one before.
+  const SurveyRow* base = &survey.rows.front();
+  for (const SurveyRow& row : survey.rows) base = row.level <= base_level ? &row : base;
+  double roots = std::sqrt(base->variance * base->value_work);
   for (std::size_t k = m + 1; k < model.size(); ++k) roots += std::sqrt(model.variance[k] * model.work[k]);
   return roots * roots;
 }

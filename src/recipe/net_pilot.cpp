@@ -110,14 +110,18 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
   const LevelModel model = model_of(survey);
   Levels found;
   std::vector<double> mean;
-  double ratio = 1;  // of what nets showed of the last level over what the posterior says
+  const std::vector<Believed> posterior =
+      debias::believed(survey.evidence, static_cast<std::int64_t>(model.size()) - 1);
+  double last_second = 0;  // of the last level that nets showed
+  double last_posterior = 0;
   for (auto k = static_cast<std::size_t>(base_level); k < model.size(); ++k) {
     const auto level = static_cast<std::int64_t>(k);
     const bool as_base = level == base_level;
     const double believed = model.variance[k] + model.mean_square[k];
     if (level - base_level >= count) {  // like the last one, at the posterior's size
       NetLevel deeper = found.levels.back();
-      const double size = ratio * believed;
+      const double fall = posterior[k].log2_second - last_posterior;
+      const double size = last_second > 0 && std::isfinite(fall) ? last_second * std::exp2(fall) : believed;
       const double scale = deeper.second_moment > 0 ? size / deeper.second_moment : 0;
       for (double& v : deeper.variance) v *= scale;
       deeper.second_moment = size;
@@ -146,7 +150,10 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
       }
       next.second_moment = believed;
     }
-    if (!as_base && believed > 0) ratio = next.second_moment / believed;
+    if (!as_base) {
+      last_second = next.second_moment;
+      last_posterior = posterior[k].log2_second;
+    }
     mean.resize(std::max(mean.size(), m->mean.size()));
     for (std::size_t c = 0; c < m->mean.size(); ++c) mean[c] += m->mean[c];
     found.mean_variance += m->variance.back() / static_cast<double>(nets);
@@ -226,12 +233,13 @@ std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double wo
 
 std::optional<NetPilot::Found> NetPilot::choose(double work, const Plan& plan, const Advice& plain,
                                                 double seconds_left) {
-  constexpr double better = 0.98;   // a deeper base has to bring 2 %
+  constexpr double better = 0.9;    // a deeper base has to bring a tenth: by less two of them differ by noise
   constexpr double most_base = 64;  // of the work of the lowest
   const std::int64_t lowest = std::max(options_.lowest_base, plain.survey.evidence.lowest_base);
-  const std::int64_t first = options_.base_level.value_or(lowest);
+  const std::int64_t first = options_.base_level.value_or(settled_.value_or(lowest));
   std::optional<Found> best = from(first, work, plan, plain, seconds_left);
-  if (!best || options_.base_level) return best;
+  // Bases are compared once: each costs a measurement of its own.
+  if (!best || options_.base_level || settled_) return best;
   for (std::int64_t m = first + 1; m + 2 <= plain.survey.rows.back().level; ++m) {
     if (runs_.work(m, plan_).first > most_base * unit_) break;
     std::string why = why_;
@@ -240,6 +248,7 @@ std::optional<NetPilot::Found> NetPilot::choose(double work, const Plan& plan, c
     if (!next || !(next->share < better * best->share)) break;
     best = next;
   }
+  settled_ = best->base_level;
   return best;
 }
 

@@ -3,9 +3,9 @@
 // The pilot's nets: V_k(N) of some levels, and the blocks that they ask for.
 //
 // R = 12 nets a level, each level about the same work, give V_k(2^j) for every j at once (survey/levels.hpp). Deeper levels fall
-// from the last measured one as the posterior says. A run has 32 blocks or more, of at least 1000 draws of the base in work each:
-// then Student's interval covers (0.94 to 0.96 measured). Their number is fixed here and the run is drawn afresh: blocks added
-// until the error is small would stop on a lucky one.
+// from the last measured one as the posterior says. A run has 32 blocks or more, of at least 1000 draws of the base in work each,
+// since Student's interval takes their means for normal ones (its coverage is not measured yet). Their number is fixed here and
+// the run is drawn afresh: blocks added until the error is small would stop on a lucky one.
 
 #include <cstdint>
 #include <map>
@@ -63,6 +63,7 @@ class NetPilot {
   double work_ = 0;
   double seconds_ = 0;
   std::int64_t last_level_ = -1;
+  std::optional<std::int64_t> settled_;  // base level
   std::map<std::pair<std::int64_t, bool>, NetMoments> known_;
   std::string why_;
 };

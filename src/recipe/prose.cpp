@@ -163,7 +163,9 @@ void print_full(std::ostream& out, const Advice& advice) {
   for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
 }
 
-void detail::print_points(std::ostream& out, const Advice& advice) { print_line(out, "points", points_text(advice)); }
+void detail::print_points(std::ostream& out, const Advice& advice) {
+  if (advice.points == Points::nets || advice.why_points != "as asked") print_line(out, "points", points_text(advice));
+}
 
 void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
   for (const Warning& doubt : advice.warnings) {

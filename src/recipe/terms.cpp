@@ -3,8 +3,11 @@
 #include <limits>
 #include <ostream>
 #include <stdexcept>
+#include <string>
 
 #include <debias/core/text.hpp>
+
+#include "core/regression.hpp"
 
 namespace debias {
 
@@ -20,9 +23,51 @@ std::string WorkSplit::sentence() const {
 }
 
 std::ostream& operator<<(std::ostream& out, const WorkSplit& s) {
-  return out << "split         terms to level " << s.base_level << " always, each later one with probability "
-             << detail::format("%.3g", s.survival) << "; " << detail::format("%.3g", s.work)
-             << " work a sample\n              " << s.sentence() << ".\n";
+  return out << "split         terms to level " << std::to_string(s.base_level)
+             << " always, each later one with probability " << detail::format("%.3g", s.survival) << "; "
+             << detail::format("%.3g", s.work) << " work a sample\n              " << s.sentence() << ".\n";
+}
+
+std::string slow_terms(const Statistics& result) {
+  if (!result.sequence.declared) return {};
+  const Rates& rates = *result.sequence.declared;
+  if (rates.decay != Decay::geometric || std::isinf(rates.variance_decay)) return {};
+  constexpr double fewest_hits = 16;
+  constexpr std::size_t fewest_levels = 8;
+  constexpr double z = 4.5;
+  std::vector<const LevelRow*> rows;
+  for (const LevelRow& row : result.levels) {
+    if (row.is_base || row.level != row.last_level || row.level < 1) continue;
+    if (!(row.second_moment > 0) || !(static_cast<double>(row.count) >= fewest_hits * row.kurtosis)) continue;
+    rows.push_back(&row);
+  }
+  if (rows.size() < fewest_levels) return {};
+  rows.erase(rows.begin(),
+             rows.begin() + static_cast<std::ptrdiff_t>(std::min(rows.size() / 2, rows.size() - fewest_levels)));
+  constexpr double octaves = 1.4426950408889634;  // 1 / ln 2
+  std::vector<double> k;
+  std::vector<double> b;
+  std::vector<double> errors;
+  for (const LevelRow* row : rows) {
+    k.push_back(static_cast<double>(row->level));
+    b.push_back(std::log2(row->second_moment));
+    errors.push_back(octaves * std::sqrt(std::max(row->kurtosis - 1, 0.01) / static_cast<double>(row->count)));
+  }
+  const Line line = fit_line(k, b, errors);
+  const double slope = line.slope;
+  // Levels that scatter more than their errors say know less.
+  const double error = line.slope_error * std::sqrt(std::max(1.0, line.chi_square / line.degrees));
+  if (!(-slope + z * error < 0.9 * rates.variance_decay)) return {};
+  return "terms fall more slowly than declared: E D^2 by 2^-" + detail::format("%.2g", -slope) + " +- " +
+         detail::format("%.1g", error) + " a level over levels " + std::to_string(rows.front()->level) + " to " +
+         std::to_string(rows.back()->level) + ", declared 2^-" + detail::format("%.2g", rates.variance_decay) +
+         "; of an operator, some eigenvalue lies outside of the interval: widen it";
+}
+
+void print_terms(std::ostream& out, const Statistics& result, const WorkSplit& split) {
+  out << result << split;
+  const std::string slow = slow_terms(result);
+  if (!slow.empty()) out << "warning       " << slow << ".\n";
 }
 
 namespace detail {

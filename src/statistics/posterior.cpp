@@ -152,8 +152,9 @@ constexpr double declared_error = 0.15;
 constexpr double declared_drift = 0.3;  // of the drift that the limit is free by
 constexpr double contradiction_z = 3;
 constexpr double contradiction_slack = 0.1;
-constexpr double not_there_yet =
-    0.5;  // octaves that the last levels may be off declared rates which they are to support
+// Octaves that the last levels may be off declared rates which they support, and at most this part of them.
+constexpr double not_there_yet = 0.5;
+constexpr double part_of_declared = 0.25;
 
 // The filtered state of one point of the grid.
 struct State {
@@ -302,11 +303,14 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
       const double free = polynomial ? 1 / octaves_seen : 1 / levels;
       const double spread = std::max(0.0, square / n - mean * mean) + 0.01;
       const double error = std::sqrt(spread + drift / n + free * free);
-      if (std::abs(mean - declared->variance_decay) > contradiction_z * std::sqrt(spread) + contradiction_slack &&
+      if (std::abs(mean - declared->variance_decay) >
+              contradiction_z * std::sqrt(spread) +
+                  std::min(contradiction_slack, part_of_declared * declared->variance_decay) &&
           std::abs(mean - declared->variance_decay) > contradiction_z * error) {
         contradiction = Contradiction{declared->variance_decay, mean, error};
       } else if (const FittedRate shown = shown_by(seen, polynomial);
-                 std::abs(shown.value - declared->variance_decay) < not_there_yet + contradiction_z * shown.error) {
+                 std::abs(shown.value - declared->variance_decay) <
+                 std::min(not_there_yet, part_of_declared * declared->variance_decay) + contradiction_z * shown.error) {
         follows = true;
         narrowing = declared_drift;
         const double own = 1 / spread;

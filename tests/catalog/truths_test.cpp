@@ -83,7 +83,8 @@ Exact ising_energy() {
 
 // log det of tridiagonal(-1, 2 + s, -1).
 Exact chain(int n, const Exact& s) {
-  const Exact t = 2 * asinh(Exact(sqrt(s) / 2));
+  const Exact half = sqrt(s) / 2;
+  const Exact t = 2 * log(Exact(half + sqrt(Exact(half * half + 1))));  // 2 arsinh(half)
   return (n + 1) * t + log(Exact(1 - exp(Exact(-2 * (n + 1) * t)))) - log(Exact(2 * sinh(t)));
 }
 
@@ -205,7 +206,10 @@ std::map<std::string, Exact> formulas() {
   Exact grid = 0;
   for (int k = 1; k <= 20; ++k) grid += chain(20, Exact(number("2.1") - 2 * cos(Exact(pi * k / 21))));
   all["M09"] = grid;
-  const auto kernel = [](int d) { return Exact(pow(1 - Exact(d) / 4, 4) * (1 + d)); };
+  const auto kernel = [](int d) {
+    const Exact square = (1 - Exact(d) / 4) * (1 - Exact(d) / 4);
+    return Exact(square * square * (1 + d));
+  };
   all["M10"] = band(500, {kernel(0) + one / 64, kernel(1), kernel(2), kernel(3)});
   int id = 21;
   for (int medium = 0; medium < 3; ++medium) {

@@ -14,8 +14,8 @@
 using namespace debias;
 using catalog::find;
 
-TEST_CASE("K01 to K05 are unbiased over 20,000 estimates, and truths off by three detectable biases are not",
-          "[chains][catalog][stat]") {
+// Wrong weights, lags and burn-ins are rejected in coupled_chain_test.cpp.
+TEST_CASE("K01 to K05 are unbiased over 20,000 estimates", "[chains][catalog][stat]") {
   for (const char* id : {"K01", "K02", "K03", "K04", "K05"}) {
     const catalog::Problem& p = find(id);
     const std::string special = id == std::string("K05") ? "taylor" : "coupled_chain";
@@ -24,7 +24,6 @@ TEST_CASE("K01 to K05 are unbiased over 20,000 estimates, and truths off by thre
     INFO(id << '\n' << full(s));
     const double limit = validation::family_threshold(10);
     CHECK(std::abs(e.mean - p.truth) < limit * e.standard_error);
-    CHECK(std::abs(e.mean - p.truth - 3 * limit * e.standard_error) > limit * e.standard_error);
     if (special == "coupled_chain") {
       CHECK(s.verdict().meeting.kind == MeetingKind::light);
       CHECK(s.verdict().variance == Finiteness::finite);

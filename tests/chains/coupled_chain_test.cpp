@@ -14,6 +14,8 @@
 #include "catch_shim.hpp"
 #include "laws/estimator_laws.hpp"
 
+#include "core/run_state_bytes.hpp"
+
 #include <debias/chains/metropolis.hpp>
 #include <debias/core/estimate.hpp>
 
@@ -217,6 +219,20 @@ TEST_CASE("coupled chains have the same bits over threads, shards and extensions
                   std::invalid_argument);
 }
 
+TEST_CASE("a run of coupled chains that was kept as bytes is one of coupled chains still", "[chains][exact]") {
+  const auto chain = coupled_chain(Ladder{}, 0, cube, {.burn_in = 2, .length = 12, .lag = 3, .limit = 50});
+  const auto whole = estimate(chain, {.samples = 2048, .seed = 3});
+  const auto part = estimate(chain, {.samples = 1024, .seed = 3, .whole = 2048});
+  const RunState kept = decode(encode(part.state));
+  CHECK(kept.pilot.sequence.meeting_times);
+  CHECK(kept.pilot.sequence.exact_from == 50);
+  const auto resumed = extend(chain, kept, {.samples = 2048});
+  CHECK(resumed.mean == whole.mean);
+  CHECK(resumed.verdict().sentence() == whole.verdict().sentence());
+  const auto plain = estimate([](Stream& rng) { return rng.uniform(); }, {.samples = 1024, .seed = 3});
+  CHECK_FALSE(decode(encode(plain.state)).pilot.sequence.meeting_times);
+}
+
 TEST_CASE("the verdict on coupled chains is likely at best, and names the meeting times",
           "[chains][verdict][statistical]") {
   const auto chain = coupled_chain(random_walk(density, 2.4), start, square, {.burn_in = 20, .length = 400, .lag = 20});
@@ -258,6 +274,13 @@ TEST_CASE("a heavy tail of the meeting times is called, where values alone look 
   CHECK(h.verdict().variance == Finiteness::infinite);
   CHECK(h.verdict().meeting.exponent == Approx(1.2).margin(0.2));
   CHECK_THAT(h.verdict().sentence(), Catch::Contains("HEAVY"));
+}
+
+TEST_CASE("the stated bias of cut chains bounds it where most are cut", "[chains][statistical][!mayfail]") {
+  // Not met: 14.7 beside a bias of 16.4. The sentence says what it assumes: cut chains leave out no more than they had by then.
+  const auto cut = coupled_chain(Ladder{}, 0, cube, {.burn_in = 0, .length = 4, .lag = 1, .limit = 6});
+  const auto r = estimate(cut, {.samples = 20000, .seed = 3});
+  CHECK(r.bias_bound.size > std::abs(r.mean - mean_cube));
 }
 
 TEST_CASE("chains that are cut are truncated, and the result says so", "[chains][statistical]") {

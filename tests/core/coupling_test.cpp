@@ -109,6 +109,25 @@ struct Of {
 
 }  // namespace
 
+TEST_CASE("a wrong coupling marks the mean, the verdict and the goal, by an estimator and by a recipe",
+          "[core][coupling][exact]") {
+  const auto marked = [](const auto& run) {
+    std::ostringstream brief;
+    brief << run;
+    CHECK_THAT(brief.str(), Contains("(BIASED, see warning)") && Contains("the mean is BIASED") &&
+                                Contains("NOT met, the mean is biased") && !Contains(": met"));
+    CHECK(run.has_wrong_coupling());
+    CHECK_FALSE(run.goal_met());
+    CHECK_FALSE(run.verdict().interval_reliable());
+  };
+  const Squared wrong{Slip::exchanged};
+  marked(estimate(single_term(wrong, Geometric(0.65)), {.seed = 3, .goal = {.error = 0.01}}));
+  marked(estimate(recipe(wrong), {.seed = 3, .goal = {.error = 0.01}}));
+  const auto right = estimate(single_term(Squared{}, Geometric(0.65)), {.seed = 3, .goal = {.error = 0.01}});
+  CHECK_FALSE(right.has_wrong_coupling());
+  CHECK(right.goal_met());
+}
+
 TEST_CASE("the exchange of fine and coarse is found at 10,000 samples, by every form of estimator",
           "[core][coupling][statistical]") {
   const Squared right;

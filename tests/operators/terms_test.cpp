@@ -14,7 +14,6 @@
 #include <Eigen/Sparse>
 
 #include <debias/core/estimate.hpp>
-#include <debias/core/report.hpp>
 #include <debias/estimators/roulette.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/linear_operators.hpp>
@@ -202,7 +201,7 @@ TEST_CASE("colours keep rows of one colour apart", "[operators][exact]") {
     }
     CHECK(clashes == 0);
     CHECK(beyond > 0);
-    CHECK(debias::detail::count_colours("test", colours, 169) <= distance * distance + 2);
+    CHECK(debias::detail::count_colours("test", colours, 169) <= distance * distance + 4);
   }
 }
 
@@ -285,21 +284,29 @@ TEST_CASE("a false lower bound that Lanczos cannot refute is seen in the run", "
   // three times too high: 16 steps of Lanczos see no eigenvalue below it
   const SpectrumBounds wrong{.lower = 3 * shift, .upper = 4 + shift, .steps = 16};
   const auto hidden = by_spans(a);
-  const auto terms = log_determinant_spd(hidden, wrong);
-  const auto r = estimate(roulette(terms, Geometric(0.05)), {.samples = 4096, .seed = 3});
+  const double truth = log_det_of_chain(1000, shift);
+  const auto r = estimate(roulette(log_determinant_spd(hidden, wrong), Geometric(0.05)), {.samples = 4096, .seed = 3});
+  CAPTURE(slow_terms(r));
+  CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+  CHECK(slow_terms(r).find("more slowly than declared") != std::string::npos);
+  const auto by_recipe = estimate(recipe(log_determinant_spd(hidden, wrong)), {.samples = 1 << 14, .seed = 3});
   std::ostringstream text;
-  text << full(r);
+  text << by_recipe;
   INFO(text.str());
-  CHECK(std::abs(r.mean - log_det_of_chain(1000, shift)) < 4.5 * r.standard_error);
-  CHECK(text.str().find("declared") != std::string::npos);
+  CHECK(std::abs(by_recipe.mean - truth) < 4.5 * by_recipe.standard_error);
+  CHECK(text.str().find("more slowly than declared") != std::string::npos);
+  // more steps refute it
   CHECK_THROWS(log_determinant_spd(hidden, {.lower = 3 * shift, .upper = 4 + shift, .steps = 120}));
-  // power check: a true one is not spoken of
-  const auto right =
-      estimate(roulette(log_determinant_spd(hidden, {.lower = shift, .upper = 4 + shift}), Geometric(0.05)),
-               {.samples = 4096, .seed = 3});
-  std::ostringstream clean;
-  clean << right;
-  CHECK(clean.str().find("wrong, or not there yet") == std::string::npos);
+  // power check: a true one is not spoken of, nor one that is wider than need be by little
+  for (const double lower : {shift, 0.99 * shift}) {
+    const auto right =
+        estimate(roulette(log_determinant_spd(hidden, {.lower = lower, .upper = 4 + shift}), Geometric(0.05)),
+                 {.samples = 4096, .seed = 3});
+    CHECK(slow_terms(right).empty());
+  }
+  CHECK(slow_terms(estimate(roulette(log_determinant_spd(grid(20, 0.1), {.lower = 0.1}), Geometric(0.2)),
+                            {.samples = 4096, .seed = 3}))
+            .empty());
 }
 
 TEST_CASE("probing and Hutch++ take at most a fifth of the variance x products of plain probes",
@@ -319,15 +326,16 @@ TEST_CASE("probing and Hutch++ take at most a fifth of the variance x products o
   CHECK(5 * cost(log_determinant_spd(k, {.lower = 0.1}, HutchPlusPlus{.vectors = 25}), 512) < plain_kernel);
 }
 
-TEST_CASE(
-    "log det of the Laplacian with 10^6 unknowns has a relative error of 1e-4, in a few vectors and at most 1.3 times "
-    "the seconds of "
-    "its products",
-    "[operators][statistical][.long]") {
-  const Sparse a = grid(1000, 0.004);
+TEST_CASE("log det of the Laplacian with 10^6 unknowns has a relative error of 1e-4 in memory of a few vectors",
+          "[operators][statistical][.long]") {
+  const Sparse a = grid(1000, 0.004);  // condition 2000
   const double truth = log_det_of_grid(1000, 0.004);
-  const auto r = estimate(recipe(log_determinant_spd(a, {.lower = 0.004})), {.samples = 48, .seed = 2});
+  const auto r = estimate(
+      roulette(log_determinant_spd(a, {.lower = 0.004}, Coloured{.distance = 3}), Geometric(0.08), {.base_level = 8}),
+      {.samples = 32, .seed = 2});
   INFO(r);
   CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
   CHECK(r.standard_error < 1e-4 * truth);
+  // power check: half a per mille off
+  CHECK(std::abs(r.mean - 1.0005 * truth) > 4.5 * r.standard_error);
 }

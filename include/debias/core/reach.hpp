@@ -128,9 +128,11 @@ void require_reach(const Reach& reach, std::int64_t samples);
 
 template <class S>
 std::optional<Rates> declared_rates(const S& sequence) {
-  if constexpr (requires {
-                  { sequence.rates } -> std::convertible_to<Rates>;
-                }) {
+  if constexpr (StatesFacts<S>) {
+    return sequence.facts().declared;
+  } else if constexpr (requires {
+                         { sequence.rates } -> std::convertible_to<Rates>;
+                       }) {
     return Rates(sequence.rates);
   } else {
     return std::nullopt;

@@ -17,6 +17,7 @@
 //   rates                           -> Rates: how E D_k^2 decays and how the work grows
 //   exact_from                      -> the level beyond which every D_k is zero
 //   limit                           -> Limit::constant where I_k tends to one number, whatever the draw
+//   facts()                         -> SequenceFacts: the three above at once
 //   deepest_level()                 -> int64: the last level that can be drawn (core/reach.hpp)
 //   values / differences(level, batch, out), shared(level, base, batch, out): the same of many members at once,
 //                                      out[b] from the numbers of member b, equal to one by one up to rounding
@@ -228,6 +229,7 @@ concept StatesLimit = requires(const S& s) {
 /// What a sequence of either kind states of itself.
 template <class S>
 SequenceFacts facts_of(const S& sequence) {
+  if constexpr (StatesFacts<S>) return sequence.facts();
   SequenceFacts facts;
   if constexpr (DeclaresRates<S>) facts.declared = sequence.rates;
   if constexpr (StatesExactFrom<S>) facts.exact_from = sequence.exact_from;

@@ -3,10 +3,10 @@
 // Is the variance of a run finite, and can its interval be trusted? From its levels, its largest values, or both.
 //
 //   levels   sum_k E D_k^2 / p_k by the posterior of statistics/evidence.hpp, from the pilot and the run together;
-//            of declared rates no more than a prior
+//            declared rates are a prior of it where the last levels follow them
 //   tails    Pareto k of the largest values of either side (core/tail_index.hpp): where there are no levels, or a base
 //            that is heavier than they can tell. Infinite: k - 1.5 se > 1/2 in the full and the half tail and k > .4 in
-//            the quarter, without a hedge only where log excesses look exponential; a lognormal looks the same
+//            the quarter, and no more than likely: a lognormal looks the same
 //   chains   coupled ones (chains/coupled_chain.hpp) have no p_k: the tails of the samples and of the meeting times, which are
 //            their levels, both have to be light (statistics/meeting.hpp), and the answer is likely at best
 //   interval se^2 + (what levels with a mass but hardly a draw may add), Student's t; reliable iff the variance is
@@ -78,6 +78,7 @@ struct RunVerdict {
   std::int64_t deepest_level = 0;    ///< that any sample reached
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
   double rate = 0;                   ///< the error of the mean falls like samples^-rate
+  bool wrong_coupling = false;       ///< the levels do not fit together (core/coupling.hpp): the mean is biased
   std::vector<LargeSample> largest;  ///< what to replay, at most 3
   std::vector<Warning> reasons;      ///< what else the levels say, for a long report
 

@@ -13,7 +13,7 @@
 // one matrix in 1e6. The lower one of log, inverse and square root has to come from the user (nugget, shift) or from
 // Gershgorin: eps is a share of the largest eigenvalue, and says nothing of small ones. A lower bound that is wrong, and that
 // Lanczos does not refute, leaves estimates unbiased (the series converges for every eigenvalue in (0, a + b)), but their
-// terms fall more slowly than declared, which runs say.
+// terms fall more slowly than declared, which recipes say.
 // Sources: Parlett, The Symmetric Eigenvalue Problem (residuals); Kuczynski & Wozniakowski, SIAM J. Matrix Anal. Appl. 13
 // (1992).
 
@@ -21,7 +21,6 @@
 #include <iosfwd>
 #include <limits>
 #include <optional>
-#include <span>
 #include <string>
 
 namespace debias {
@@ -57,9 +56,6 @@ struct RitzValues {
   double highest = 0;
   double residual = 0;
 };
-/// Of the tridiagonal matrix with this diagonal and these entries beside it, the last of which leads out of it.
-RitzValues ritz_values(std::span<const double> diagonal, std::span<const double> beside);
-
 /// The share of its spread that a spectrum may have beyond the Ritz values of so many steps, but for a probability of 1e-6;
 /// 1 where that says nothing.
 double unseen_spread(std::size_t rows, int steps);

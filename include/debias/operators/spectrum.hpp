@@ -12,6 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+
 #include <debias/operators/bounds.hpp>
 #include <debias/operators/symmetric.hpp>
 
@@ -43,7 +46,14 @@ RitzValues lanczos(const char* name, const HeldOperator<A>& a, int steps) {
     q.swap(previous);
     if (!(length > 1e-14 * scale)) break;  // an invariant subspace: the Ritz values are eigenvalues
   }
-  return ritz_values(diagonal, beside);
+  const auto n = static_cast<Eigen::Index>(diagonal.size());
+  const Eigen::Map<const Eigen::VectorXd> d(diagonal.data(), n);
+  const Eigen::Map<const Eigen::VectorXd> b(beside.data(), n - 1);  // the last entry leads out of the matrix
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
+  solver.computeFromTridiagonal(d, b, Eigen::ComputeEigenvectors);
+  if (solver.info() != Eigen::Success) refuse_operator(name, "products of A overflow");
+  return {solver.eigenvalues()[0], solver.eigenvalues()[n - 1],
+          beside.back() * std::abs(solver.eigenvectors()(n - 1, n - 1))};
 }
 
 template <SymmetricOperator A>

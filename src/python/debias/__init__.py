@@ -457,8 +457,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
                 rates are given; "multilevel", the biased baseline, takes an `error`
     pmf         of the random level, "geometric:r=0.6"; without one the declared rates of the problem choose
     block       samples of a block of systematic strata; `samples` is rounded up to whole blocks
-    points      "nets": the samples of a level are points of a scrambled net in each block; "plain"; "auto" leaves it to
-                a recipe
+    points      "plain"; "nets": the samples of a level are points of a scrambled net in each block; "auto" leaves it
+                to a recipe
     progress    True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known
 
     Issues a DebiasWarning for each doubt of the result.
