@@ -366,20 +366,27 @@ class Driver {
     constexpr double least_lookups = 8192;
     constexpr double room = 2;  // of the error
     const double budget = std::max(share_of_run * result.work, least_lookups);
-    auto level = static_cast<std::int64_t>(levels_.size()) - 1;
-    while (level > 0 && detail::draws_of_missed(level, budget) == 0) --level;
+    const auto last = static_cast<std::int64_t>(levels_.size()) - 1;
+    auto level = last;
+    if (detail::draws_of_missed(last, budget) == 0) {
+      while (level > 0 && detail::draws_of_missed(level, budget) < detail::sharp_draws) --level;
+    }
     const std::int64_t draws = detail::draws_of_missed(level, budget);
     if (draws == 0) return;
     double worst = 0;
     double error = 0;
-    const std::vector<double> missed = runs_.missed(level, draws, plan_.seed);
+    const double spent = detail::work_of_missed(level, draws);
+    result.work += spent;
+    result.pilot_work += spent;
+    const detail::MissedBatches missed = runs_.missed(level, draws, plan_.seed);
     for (std::size_t c = 0; c < missed.size() && c < result.components.size(); ++c) {
       const double of_mean = result.components[c].standard_error;
       // What the levels above this one have added already is no news.
       double added = 0;
       for (auto k = static_cast<std::size_t>(level) + 1; k < levels_.size(); ++k)
         added += levels_[k].components[c].mean;
-      const double size = std::abs(missed[c] - added);
+      const double size =
+          std::abs(level == last ? detail::agreed(missed[c]) : detail::left_out(missed[c], draws, added));
       if (!(size > room * std::hypot(of_mean, result.bias) + 1e-12 * std::abs(result.components[c].mean))) continue;
       if (!(size > worst)) continue;
       worst = size;

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <utility>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
 
 #include <debias/core/result.hpp>
 
@@ -15,15 +18,50 @@ namespace {
 constexpr double share_of_run = 1.0 / 16;  // of its look-ups
 constexpr double least_lookups = 4096;     // as long as they are at most half of the run's
 constexpr std::int64_t fewest_draws = 8;
-constexpr std::int64_t most_draws = 256;
-constexpr std::int64_t most_levels = 3;
-constexpr std::int64_t few_beyond = 8;  // draws of deeper levels, from which on a level is looked at
-constexpr double room = 2;              // standard errors
+constexpr std::int64_t most_draws = 64;
+constexpr std::int64_t few_beyond = 8;      // draws of deeper levels, up to which a level is looked at
+constexpr double room = 0.75;               // standard errors
+constexpr double room_of_comparison = 3.5;  // likewise
 constexpr double rounding = 1e-12;
+
+// The largest that was found.
+struct Finding {
+  double errors = 0;  // standard errors
+  double size = 0;
+  std::int64_t level = 0;
+
+  void take(double found, double allowed, const ComponentEstimate& e, std::int64_t k) {
+    if (!(std::abs(found) > allowed)) return;
+    const double z = std::abs(found) / std::max(e.standard_error, rounding * std::abs(e.mean));
+    if (!(z > errors)) return;
+    *this = {z, found, k};
+  }
+};
+
+// What the levels above `level` have added to the answer. Of several components the table knows the size only.
+double added_beyond(const Statistics& s, std::int64_t level) {
+  double added = 0;
+  for (const LevelRow& row : s.levels) {
+    if (row.is_base || row.level <= level) continue;
+    const double expected = row.probability > 0 ? row.probability * static_cast<double>(s.samples) : 0;
+    const double share = expected > 0 ? static_cast<double>(row.count) / expected : 1;
+    added += share * (s.components.size() == 1 ? row.mean : std::sqrt(row.second_moment));
+  }
+  return added;
+}
+
+// Draws beyond a level that a run of its length has on the average.
+double expected_beyond(const Statistics& s, std::int64_t level) {
+  double mass = 0;
+  for (std::size_t i = 0; i < s.masses.mass.size(); ++i) {
+    if (s.masses.first_level + static_cast<std::int64_t>(i) > level) mass += s.masses.mass[i];
+  }
+  return mass * static_cast<double>(s.samples);
+}
 
 }  // namespace
 
-double agreed(std::span<double> batches) {
+double agreed(std::vector<double> batches) {
   for (const double x : batches) {
     if (std::isnan(x)) return 0;  // it has no place in an order
   }
@@ -34,6 +72,28 @@ double agreed(std::span<double> batches) {
   if (low < 0 && high < 0) return low;
   if (low > 0 && high > 0) return high;
   return std::abs(low) > std::abs(high) ? std::min(low, 0.0) : std::max(high, 0.0);
+}
+
+double left_out(std::vector<double> batches, std::int64_t draws, double added) {
+  const double whole = static_cast<double>(draws) / static_cast<double>(draws - 1);  // B has 1 - 1 / draws of it
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  bool above = true;
+  bool below = true;
+  for (const double x : batches) {
+    if (std::isnan(x)) return 0;
+    above = above && x > 0;
+    below = below && x < 0;
+    low = std::min(low, whole * x - added);
+    high = std::max(high, whole * x - added);
+  }
+  const double spread = high - low;
+  if (above && low > spread) return low;
+  return below && -high > spread ? high : 0;
+}
+
+double work_of_missed(std::int64_t level, std::int64_t draws) {
+  return static_cast<double>(batches_of_missed * draws) * std::exp2(static_cast<double>(level));
 }
 
 std::int64_t draws_of_missed(std::int64_t level, double lookups) {
@@ -57,44 +117,53 @@ void judge_points(Statistics& s, const Missed& missed) {
   const std::size_t end = std::min<std::size_t>(rows.size(), LevelTable::single_levels);
   std::size_t deepest = static_cast<std::size_t>(table.base_level());
   for (std::size_t k = deepest; k < end; ++k) deepest = count(k) > 0 ? k : deepest;
-  std::vector<std::pair<std::size_t, std::int64_t>> levels;  // with the draws beyond them
+  // The shallowest level that hardly anything was drawn beyond.
+  auto last = static_cast<std::int64_t>(deepest);
   std::int64_t beyond = 0;
-  for (std::size_t k = deepest;; --k) {
-    if (beyond > few_beyond) break;
-    levels.emplace_back(k, beyond);
-    beyond += count(k);
-    if (k == static_cast<std::size_t>(table.base_level())) break;
+  while (last > table.base_level() && beyond + count(static_cast<std::size_t>(last)) <= few_beyond) {
+    beyond += count(static_cast<std::size_t>(last--));
   }
   const double work = s.work - s.pilot_work;
-  double budget = std::max(share_of_run * work, std::min(least_lookups, work / 2));
-  double worst = 0;
-  double size = 0;
-  std::size_t where = 0;
-  std::int64_t looked = 0;
+  const double budget = std::max(share_of_run * work, std::min(least_lookups, work / 2));
+  const double each = budget / 2;
+  Finding finding;
+  double spent = 0;
+  const auto look = [&](std::int64_t level, std::int64_t draws) {
+    spent += work_of_missed(level, draws);
+    return missed(level, draws);
+  };
   // Not the interval: zeros that it doubts would widen it beyond what they hide.
-  std::vector<double> errors;
-  for (const ComponentEstimate& c : s.components) errors.push_back(c.standard_error);
-  for (std::size_t i = levels.size(); i-- > 0 && looked < most_levels;) {
-    const auto [level, deeper] = levels[i];
-    const auto k = static_cast<std::int64_t>(level);
-    const std::int64_t draws = draws_of_missed(k, budget / static_cast<double>(most_levels));
-    if (draws == 0) break;
-    ++looked;
-    const std::vector<double> b = missed(k, draws);
-    for (std::size_t c = 0; c < b.size() && c < errors.size(); ++c) {
-      const double allowed =
-          (std::sqrt(static_cast<double>(deeper)) + room) * errors[c] + rounding * std::abs(s.components[c].mean);
-      if (!(std::abs(b[c]) > allowed)) continue;
-      const double z = std::abs(b[c]) / std::max(errors[c], rounding * std::abs(s.components[c].mean));
-      if (!(z > worst)) continue;
-      worst = z;
-      size = b[c];
-      where = level;
+  const std::size_t components = s.components.size();
+  std::int64_t draws = draws_of_missed(last, each);
+  if (draws == 0 && last == table.base_level() && work_of_missed(last, fewest_draws) <= work / 2) draws = fewest_draws;
+  if (draws > 0) {
+    const double expected = std::max(static_cast<double>(beyond), expected_beyond(s, last));
+    const MissedBatches b = look(last, draws);
+    for (std::size_t c = 0; c < b.size() && c < components; ++c) {
+      const ComponentEstimate& e = s.components[c];
+      const double allowed = (std::sqrt(expected) + room) * e.standard_error;
+      finding.take(agreed(b[c]), allowed + rounding * std::abs(e.mean), e, last);
     }
   }
-  if (!(worst > 0)) return;
+  // The deepest level that is known well enough: what the run has drawn beyond it may be plenty, and miss one level of them.
+  std::int64_t sharp = last;
+  while (sharp > table.base_level() && draws_of_missed(sharp, each) < sharp_draws) --sharp;
+  draws = draws_of_missed(sharp, each);
+  if (finding.errors == 0 && draws >= sharp_draws) {
+    const MissedBatches b = look(sharp, draws);
+    const double added = added_beyond(s, sharp);
+    for (std::size_t c = 0; c < b.size() && c < components; ++c) {
+      const ComponentEstimate& e = s.components[c];
+      const double side = components == 1 || b[c].front() > 0 ? 1 : -1;
+      finding.take(left_out(b[c], draws, side * added),
+                   room_of_comparison * e.standard_error + rounding * std::abs(e.mean), e, sharp);
+    }
+  }
+  s.work += spent;
+  s.pilot_work += spent;
+  if (finding.errors == 0) return;
   s.warnings.push_back(
-      {WarningCode::aliased_differences, resonance_words(static_cast<std::int64_t>(where), size, worst) + "."});
+      {WarningCode::aliased_differences, resonance_words(finding.level, finding.size, finding.errors) + "."});
 }
 
 }  // namespace debias::detail

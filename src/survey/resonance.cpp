@@ -44,15 +44,17 @@ void judge_points(Survey& survey, const LevelRuns& runs) {
     while (i > 0 && draws_at(i) == 0) --i;
     const std::int64_t draws = draws_at(i);
     if (draws == 0) continue;
-    const std::vector<double> missed = runs.missed(rows[i].level, draws, survey.seed);
+    survey.work += detail::work_of_missed(rows[i].level, draws);
+    const detail::MissedBatches batches = runs.missed(rows[i].level, draws, survey.seed);
     double size = 0;
     double error = 0;
-    for (std::size_t c = 0; c < missed.size(); ++c) {
+    for (std::size_t c = 0; c < batches.size(); ++c) {
+      const double missed = detail::agreed(batches[c]);
       const double of_mean = c < rows[i].values.size() ? rows[i].values[c].standard_error : rows[i].mean_error;
       const double scale = c < rows[i].values.size() ? std::abs(rows[i].values[c].mean) : std::abs(rows[i].mean);
       const double allowed = std::max(explained * std::sqrt(last_square(rows, i)), room * of_mean) + rounding * scale;
-      if (!(std::abs(missed[c]) > allowed) || !(std::abs(missed[c]) > std::abs(size))) continue;
-      size = missed[c];
+      if (!(std::abs(missed) > allowed) || !(std::abs(missed) > std::abs(size))) continue;
+      size = missed;
       error = std::max(of_mean, rounding * scale);
     }
     if (size == 0) continue;

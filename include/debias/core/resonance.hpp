@@ -9,8 +9,9 @@
 // instead of g(I). Independent combs have independent offsets, so B(k) shows it, whatever the period and the number of points.
 // The check reads B at levels that a run draws hardly or not: where its variance is finite, what they leave out is no
 // more than sqrt(c) standard errors, c = draws expected beyond them (Cauchy-Schwarz on sum E D_k and sum E D_k^2 / p_k); more
-// is a warning. A linear g has B = 0, and no bias. Numbers come from streams of the check's own and change no result; it takes
-// at most a sixteenth of the look-ups of the run, or 4096 if these are less than half of them.
+// is a warning. At a shallower level it compares B with T, what the levels above have added to the answer: g(I) - E I_k, too.
+// A linear g has B = 0, and no bias. Numbers come from streams of the check's own and change no result; it takes at most a
+// sixteenth of the look-ups of the run, or 4096 if these are less than half of them, and they count in its work.
 // Fails where values are so rare that n of them miss them. Optional hook of a sequence, forwarded by the estimators:
 // `missed(level, n, rng)` is one B(level). Source: derived here.
 
@@ -18,8 +19,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include <debias/core/stream.hpp>
@@ -37,35 +38,42 @@ concept ChecksPoints = requires(const T& t, std::int64_t level, Stream& rng) {
 
 namespace detail {
 
-/// B of a level by component, from `draws` means each: what at least two of some independent ones agree upon.
-using Missed = std::function<std::vector<double>(std::int64_t level, std::int64_t draws)>;
+/// B of a level by component, in each of batches_of_missed independent batches of `draws` means.
+using MissedBatches = std::vector<std::vector<double>>;
+using Missed = std::function<MissedBatches(std::int64_t level, std::int64_t draws)>;
 
 inline constexpr std::int64_t batches_of_missed = 4;
+/// Means in a batch from which on it is compared with what deeper levels have added.
+inline constexpr std::int64_t sharp_draws = 48;
 
 /// What two of the batches reach, on the same side of zero; a NaN stays out.
-double agreed(std::span<double> batches);
+double agreed(std::vector<double> batches);
+
+/// What batches of `draws` means say beside `added`, which deeper levels have found already. Where all lie on one side of it by
+/// more than they differ by, the least; else 0, and where they see less than was found: they miss what is rare.
+double left_out(std::vector<double> batches, std::int64_t draws, double added);
 
 template <ChecksPoints S>
-std::vector<double> missed_of(const S& sequence, std::int64_t level, std::int64_t draws, std::uint64_t seed) {
-  std::vector<std::vector<double>> batches;  // by component
+MissedBatches missed_of(const S& sequence, std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+  MissedBatches batches;
   for (std::int64_t b = 0; b < batches_of_missed; ++b) {
     Stream rng = split_level(split(Stream(seed, static_cast<std::uint64_t>(b)), Branch::points), level);
     const auto value = sequence.missed(level, draws, rng);
     batches.resize(component_count(value));
     for (std::size_t c = 0; c < batches.size(); ++c) batches[c].push_back(component(value, c));
   }
-  std::vector<double> all;
-  for (std::vector<double>& some : batches) all.push_back(agreed(some));
-  return all;
+  return batches;
 }
 
 /// Means of a level in each batch, for so many look-ups in all; 0: they do not pay for a batch.
 std::int64_t draws_of_missed(std::int64_t level, double lookups);
+/// The look-ups of all batches.
+double work_of_missed(std::int64_t level, std::int64_t draws);
 
 /// What is said where the answer misses `size`, so many standard errors, beyond a level.
 std::string resonance_words(std::int64_t level, double size, double errors);
 
-/// Warns of a run whose levels leave out more than its error says.
+/// Warns of a run whose levels leave out more than its error says; the check counts in its work.
 void judge_points(Statistics& statistics, const Missed& missed);
 
 }  // namespace detail

@@ -79,9 +79,8 @@ struct LevelRuns {
   /// Draws plan.samples nets of 2^octaves points of a level: of I_k, as the base, or of D_k.
   std::function<NetMoments(std::int64_t level, bool as_base, int octaves, const Plan& plan)> nets;
   SequenceFacts facts{};  ///< what the sequence states of itself
-  /// B(level) by component, from so many means in a batch (core/resonance.hpp). Empty where points cannot be in step with the
-  /// integrand.
-  std::function<std::vector<double>(std::int64_t level, std::int64_t draws, std::uint64_t seed)> missed;
+  /// B(level), from so many means in a batch (core/resonance.hpp). Empty where points cannot be in step with the integrand.
+  std::function<detail::MissedBatches(std::int64_t level, std::int64_t draws, std::uint64_t seed)> missed;
 };
 
 namespace detail {
