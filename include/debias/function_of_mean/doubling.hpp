@@ -208,7 +208,13 @@ class Doubling {
     for (std::size_t b = 0; b < out.size(); ++b) out[b] = {bases[b] * share, sums.odd[b], work(level)};
   }
 
-  [[nodiscard]] static std::int64_t deepest_level() { return 62; }
+  [[nodiscard]] static std::int64_t deepest_level() {
+    if constexpr (requires { P::deepest_level; }) {
+      return P::deepest_level;
+    } else {
+      return 62;
+    }
+  }
 
   /// g of the mean of `draws` independent means of a level, less the mean of g of each (core/resonance.hpp).
   [[nodiscard]] mean_t<value_type> missed(std::int64_t level, std::int64_t draws, Stream& rng) const
