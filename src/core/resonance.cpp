@@ -88,8 +88,8 @@ double left_out(std::vector<double> batches, std::int64_t draws, double added) {
     high = std::max(high, whole * x - added);
   }
   const double spread = high - low;
-  if (above && low > spread) return low;
-  return below && -high > spread ? high : 0;
+  if (above && low > spread) return low - spread;
+  return below && -high > spread ? high + spread : 0;
 }
 
 double work_of_missed(std::int64_t level, std::int64_t draws) {

@@ -127,10 +127,11 @@ TEST_CASE("two batches have to agree on what is missed", "[resonance][exact]") {
 
 TEST_CASE("what deeper levels have added is left out only where all batches lie beyond it, and beyond their noise",
           "[resonance][exact]") {
-  CHECK(detail::left_out({3, 3, 3.3, 3}, 3, 0) == 4.5);  // 3 means see two thirds of it
-  CHECK(detail::left_out({3, 3, 3.3, 3}, 3, 4.5) == 0);  // found already
-  CHECK(detail::left_out({3, 3, 3.3, 3}, 3, 6) == 0);    // more was found: the batches miss what is rare
-  CHECK(detail::left_out({-3, -3, -3.3, -3}, 3, -2) == -2.5);
+  // 3 means see two thirds of it: 6, 6, 7.5 and 6 are the whole.
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 0) == 4.5);
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 6) == 0);   // found already
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 20) == 0);  // more was found: the batches miss what is rare
+  CHECK(detail::left_out({-4, -4, -5, -4}, 3, -2) == -2.5);
   CHECK(detail::left_out({1, 5, 9, 13}, 3, 0) == 0);  // noise
   CHECK(detail::left_out({1, 1, 1, -1}, 3, -5) == 0);
   CHECK(detail::left_out({1, 1, 1, std::nan("")}, 3, 0) == 0);

@@ -49,8 +49,8 @@ inline constexpr std::int64_t sharp_draws = 48;
 /// What two of the batches reach, on the same side of zero; a NaN stays out.
 double agreed(std::vector<double> batches);
 
-/// What batches of `draws` means say beside `added`, which deeper levels have found already. Where all lie on one side of it by
-/// more than they differ by, the least; else 0, and where they see less than was found: they miss what is rare.
+/// What batches of `draws` means say beside `added`, which deeper levels have found already: by how much more than they differ
+/// by they all lie beyond it; 0 where they see less than was found, for then they miss what is rare.
 double left_out(std::vector<double> batches, std::int64_t draws, double added);
 
 template <ChecksPoints S>
