@@ -56,7 +56,7 @@ Problem sobol_g() {
                .module = "function_of_mean.hpp",
                .truth = 0.3678794411714423215955,
                .formula = "exp(-integral over [0,1]^5 of prod (|4 x_i - 2| + i) / (1 + i)): 1/e"},
-              function_of_integral(product, Cube(5), functions::ExpMinus{}));
+              function_of_integral(product, Cube(5), functions::ExpMinus{}, {.rates = Rates{4.4, 1}}));
 }
 
 Problem reciprocal_over_cube() {
