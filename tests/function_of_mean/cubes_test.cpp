@@ -116,14 +116,14 @@ TEST_CASE("differences fall as declared: evidence in 2, 4 and 8 dimensions, and 
   const double asked[] = {4.2, 3.3, 2.4};
   std::size_t i = 0;
   for (const std::int64_t d : {2, 4, 8}) {
-    const double beta = beta_of(evidence(d), 10, 4096);
+    const double beta = beta_of(evidence(d), 12, 1024);
     CAPTURE(d, beta);
     CHECK(beta >= asked[i]);
     CHECK(beta >= evidence(d).rates.variance_decay);
     ++i;
-    CHECK_FALSE(beta_of(independent_evidence(static_cast<int>(d)), 10, 4096) >= asked[2]);
+    CHECK_FALSE(beta_of(independent_evidence(static_cast<int>(d)), 12, 1024) >= asked[2]);
   }
-  const double beta = beta_of(kinks(), 10, 4096);
+  const double beta = beta_of(kinks(), 12, 1024);
   CAPTURE(beta);
   CHECK(beta >= kinks().rates.variance_decay);
 }
