@@ -1,13 +1,20 @@
 // Coupled chains against hand-written coupled loops of the same algorithm: plain/chains/..., ratio of times of equal samples,
-// alternating in one run.
+// alternating in one run. And what being unbiased costs:
+//
+//   chains/inefficiency/...   variance x work of a run of the advised burn_in, length and lag, over the asymptotic variance of one
+//                             long plain chain of the same kernel: `measured` beside `advised`, what the pilot says
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include <benchmark/benchmark.h>
 
-#include <debias/chains/coupled_chain.hpp>
-#include <debias/chains/metropolis.hpp>
+#include <debias/chains.hpp>
+#include <debias/core/estimate.hpp>
 
 #include "against_loops.hpp"
 
@@ -93,6 +100,68 @@ BENCHMARK(walk)
     ->Args({0, 0, 1})
     ->Iterations(1)
     ->Unit(benchmark::kMillisecond);
+
+// n Var of the mean of one long plain chain, by means of batches; its error is 4.5 %.
+template <class K, class Start, class F>
+double asymptotic_variance(const K& kernel, const Start& start, const F& f, std::int64_t steps) {
+  constexpr std::int64_t batches = 1000;
+  Stream rng(31, 0);
+  auto x = debias::detail::begin_state(kernel, start(rng));
+  std::vector<double> means;
+  for (std::int64_t t = 0; t < 1000; ++t) kernel.step(x, rng);
+  for (std::int64_t b = 0; b < batches; ++b) {
+    double sum = 0;
+    for (std::int64_t t = 0; t < steps / batches; ++t) {
+      kernel.step(x, rng);
+      sum += f(debias::detail::point_of(kernel, x));
+    }
+    means.push_back(sum * static_cast<double>(batches) / static_cast<double>(steps));
+  }
+  return Moments::of(means).variance() * static_cast<double>(steps / batches);
+}
+
+template <class K, class Start, class F>
+void inefficiency(const std::string& name, const K& kernel, const Start& start, const F& f) {
+  const auto run = [=](benchmark::State& state) {
+    for (auto _ : state) {
+      const auto chain = coupled_chain(kernel, start, f);
+      const ChainAdvice advice = advise(chain);
+      const auto r = estimate(chain.with(advice.options), {.samples = 20000, .seed = 3});
+      const double plain = asymptotic_variance(kernel, start, f, 10'000'000);
+      state.counters["burn_in"] = static_cast<double>(advice.options.burn_in);
+      state.counters["lag"] = static_cast<double>(advice.options.lag);
+      state.counters["length"] = static_cast<double>(advice.options.length);
+      state.counters["advised"] = advice.inefficiency;
+      state.counters["measured"] = r.components[0].variance * r.work_per_sample() / plain;
+      state.counters["plain_variance"] = plain;
+    }
+  };
+  benchmark::RegisterBenchmark(("chains/inefficiency/" + name).c_str(), run)->Iterations(1)->Unit(benchmark::kSecond);
+}
+
+const bool registered = [] {
+  using Pair = std::array<double, 2>;
+  const auto wide = [](Stream& rng) { return 3 * rng.normal(); };
+  const auto square = [](double x) { return x * x; };
+  const auto slope = [](double x) { return -x; };
+  inefficiency("K01", random_walk(density, 2.4), wide, square);
+  const auto given = [](std::size_t i, const Pair& x) { return NormalLaw{0.9 * x[1 - i], std::sqrt(1 - 0.81)}; };
+  const auto wide_pair = [](Stream& rng) {
+    const double a = 3 * rng.normal();
+    return Pair{a, 3 * rng.normal()};
+  };
+  inefficiency("K02", gibbs(given), wide_pair, [](const Pair& x) { return x[0] * x[1]; });
+  const auto modes = [](double x) {
+    const double near = std::abs(x) - 3;
+    return -0.5 * near * near + std::log1p(std::exp(-6 * std::abs(x)));
+  };
+  inefficiency(
+      "K03", random_walk(modes, 4), [](Stream& rng) { return 4 * rng.normal(); }, [](double x) { return std::abs(x); });
+  inefficiency("K01_langevin", mala(density, slope, 1.4), wide, square);
+  inefficiency("K01_hamiltonian", mixture({0.9, 0.1}, hamiltonian(density, slope, 0.4, 3), random_walk(density, 0.5)),
+               wide, square);
+  return true;
+}();
 
 }  // namespace
 }  // namespace debias::bench

@@ -2,15 +2,22 @@
 //
 //   variance_work   variance of one sample x products with A that it takes, relative to the square of the truth
 //   products        of one sample
+//   error_at_1e4    relative error of a mean that has taken so many products: sqrt(variance_work / products + bias^2); and 1e6
 //   z               standard errors from the truth: of the power series, whose radius is close to 1, no small number
 //   slq             stochastic Lanczos quadrature as a plain loop: m steps a probe, no reorthogonalisation; `bias` is the mean of
 //                   its difference to 300 steps on the same probes, relative to the truth, with its own standard error
 //   cholesky        seconds of a sparse Cholesky factorisation of the 2-d Laplacian, and of ours to a relative error of 1e-4
+//   vectors         memory of a sample at its peak beyond the matrix, in vectors of as many numbers as there are rows
 //   time            seconds of a run on one thread over those of as many plain products y = A x, alternating
+
+#if __has_include(<malloc.h>)
+#include <malloc.h>
+#endif
 
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -64,11 +71,18 @@ double seconds_of(const auto& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// Probes average noise away and leave the bias.
+void report_errors(benchmark::State& state, double variance_work, double bias) {
+  state.counters["variance_work"] = variance_work;
+  state.counters["error_at_1e4"] = std::sqrt(variance_work / 1e4 + bias * bias);
+  state.counters["error_at_1e6"] = std::sqrt(variance_work / 1e6 + bias * bias);
+}
+
 template <class Result>
 void report_run(benchmark::State& state, const Result& r, double truth, double offset = 0) {
   const double samples = static_cast<double>(r.samples);
   state.counters["products"] = r.work / samples;
-  state.counters["variance_work"] = r.components[0].variance * r.work / samples / (truth * truth);
+  report_errors(state, r.components[0].variance * r.work / samples / (truth * truth), 0);
   state.counters["z"] = (r.mean + offset - truth) / r.standard_error;
 }
 
@@ -77,6 +91,22 @@ Plan plan_of(std::int64_t samples) {
   Plan plan;
   plan.samples = samples;
   return plan;
+}
+
+/// Bytes of resident memory: "VmRSS:" now, "VmHWM:" the most since the last `forget_peak`. 0 where the system does not say.
+double resident(const std::string& which) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;) {
+    double kilobytes = 0;
+    if (word == which && status >> kilobytes) return 1024 * kilobytes;
+  }
+  return 0;
+}
+void forget_peak() {
+#ifdef __GLIBC__
+  malloc_trim(0);  // what others have left would hide what comes
+#endif
+  std::ofstream("/proc/self/clear_refs") << 5;
 }
 
 template <class Work>
@@ -147,28 +177,42 @@ void m08() {
   }
 }
 
-void quadrature() {
-  const double shift = 4.0 / 999;
-  const Sparse a = chain(1000, shift);
-  const double truth = log_det_of_chain(1000, shift);
+/// On the same probes as `most` steps, which stand for the truth of each.
+void quadrature_of(const std::string& name, const Sparse& a, double truth, int most, std::uint64_t probes) {
   for (const int m : {5, 10, 20, 40}) {
-    once("operators/M08/slq_" + std::to_string(m), [=](benchmark::State& state) {
+    once(name + "/slq_" + std::to_string(m), [=](benchmark::State& state) {
       Tally values;
       Tally differences;
-      for (std::uint64_t i = 0; i < 256; ++i) {
+      std::vector<double> z(static_cast<std::size_t>(a.rows()));
+      for (std::uint64_t i = 0; i < probes; ++i) {
         Stream rng(1, i);
-        std::vector<double> z(1000);
         debias::detail::fill_signs(z, rng);
-        const Quadrature q = lanczos_quadrature(a, Eigen::Map<const Vector>(z.data(), 1000), m, 300);
+        const Quadrature q = lanczos_quadrature(a, Eigen::Map<const Vector>(z.data(), a.rows()), m, most);
         values.add(q.at_m);
         differences.add(q.at_m - q.at_most);
       }
+      const double bias = differences.mean / truth;
       state.counters["products"] = m;
-      state.counters["variance_work"] = values.variance() * m / (truth * truth);
-      state.counters["bias"] = differences.mean / truth;
-      state.counters["bias_error"] = std::sqrt(differences.variance() / 256) / truth;
+      report_errors(state, values.variance() * m / (truth * truth), bias);
+      state.counters["bias"] = bias;
+      state.counters["bias_error"] = std::sqrt(differences.variance() / static_cast<double>(probes)) / truth;
     });
   }
+}
+
+void quadrature() {
+  quadrature_of("operators/M08", chain(1000, 4.0 / 999), log_det_of_chain(1000, 4.0 / 999), 300, 256);
+  // 9 x 10^4 unknowns, condition 2000
+  const Sparse a = grid(300, 0.004);
+  const double truth = log_det_of_grid(300, 0.004);
+  quadrature_of("operators/laplacian_300", a, truth, 160, 64);
+  once("operators/laplacian_300/signs", [=](benchmark::State& state) {
+    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.004})), plan_of(512)), truth);
+  });
+  once("operators/laplacian_300/coloured_2", [=](benchmark::State& state) {
+    report_run(state, estimate(recipe(log_determinant_spd(a, {.lower = 0.004}, Coloured{.distance = 2})), plan_of(128)),
+               truth);
+  });
 }
 
 void probes() {
@@ -208,7 +252,9 @@ void million() {
     double products = 0;
     Tally values;
     std::vector<double> x(static_cast<std::size_t>(a.rows()), 1.0);
-    std::vector<double> y(x.size());
+    std::vector<double> y(x.size(), 0.0);
+    forget_peak();
+    const double before = resident("VmRSS:");
     for (std::uint64_t i = 0; i < 32; ++i) {
       double work = 0;
       ours += seconds_of([&] {
@@ -228,6 +274,7 @@ void million() {
         }
       });
     }
+    state.counters["vectors"] = (resident("VmHWM:") - before) / (8 * static_cast<double>(a.rows()));
     state.counters["products"] = products / 32;
     state.counters["time"] = ours / theirs;
     state.counters["seconds_a_product"] = theirs / products;

@@ -64,6 +64,7 @@ struct Problem {
   Rates rates{};
   std::int64_t lowest_base = 0;  ///< below it a level has no finite fourth moment
   std::optional<AnyPmf> pmf;     ///< where the rates alone would choose badly
+  std::int64_t sample_cost = 1;  ///< validation draws that many times fewer samples
 
   std::vector<Method> methods;
   std::vector<Special> specials;

@@ -20,9 +20,8 @@ namespace debias {
 namespace {
 
 constexpr double draws_per_kurtosis = 10;
-constexpr std::int64_t most_levels = 24;
+constexpr std::int64_t deepest_within = 23;  // finite differences end behind it: zeros say nothing of a decay
 constexpr std::int64_t fewest_for_tail = 64;
-constexpr double fewest_share = 1.0 / 512;  // of the most draws of a level
 
 double signed_norm(const detail::Part& part) {
   return part.means.size() == 1 ? part.means[0] : std::sqrt(part.square_of_mean);
@@ -157,40 +156,9 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
 }
 
 Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
-  const double fewest_draws = std::max(2.0, fewest_share * static_cast<double>(plan.samples));
-  // How deep: while the levels so far leave the next one its fewest draws.
-  std::vector<double> each;
-  try {
-    for (std::int64_t k = 0; k < std::min(most_levels, runs.deepest_level + 1); ++k) {
-      const auto [value, difference] = runs.work(k, plan);
-      const double both = std::max(value, difference);
-      if (k > 2 && fewest_draws * both > work / static_cast<double>(k + 1)) break;
-      each.push_back(both);
-    }
-  } catch (const std::length_error&) {
-    if (each.size() < 2) throw;
-  }
-  // Levels that cannot use their share leave it to the others.
-  std::vector<std::int64_t> draws(each.size());
-  double left = work;
-  for (std::size_t k = 0; k < each.size(); ++k) {
-    const double share = left / static_cast<double>(each.size() - k);
-    const double n = std::clamp(share / each[k], fewest_draws, static_cast<double>(plan.samples));
-    draws[k] = static_cast<std::int64_t>(n);
-    left = std::max(0.0, left - n * each[k]);
-  }
-  std::vector<SurveyRow> rows;
-  for (std::size_t k = 0; k < each.size(); ++k) {
-    Plan part = plan;
-    part.samples = draws[k];
-    try {
-      rows.push_back(survey_level(runs, static_cast<std::int64_t>(k), part));
-    } catch (const SampleError& e) {
-      if (rows.size() < 2 || !refuses_level(e)) throw;
-      break;
-    }
-  }
-  Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
+  Pilot pilot(runs, plan);
+  pilot.grow(work, deepest_within);
+  Survey result = pilot.survey(true);
   judge_points(result, runs);
   return result;
 }

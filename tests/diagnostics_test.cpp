@@ -18,7 +18,7 @@ using namespace debias;
 namespace {
 
 constexpr double forever = std::numeric_limits<double>::infinity();
-constexpr TailExponent power_law(double s) { return {s, Decay::polynomial}; }
+constexpr TailExponent of_power(double s) { return {s, Decay::polynomial}; }
 
 }  // namespace
 
@@ -40,9 +40,9 @@ TEST_CASE("the borders belong to the infinite", "[diagnostics][exact]") {
   CHECK(judge({2, 1}, {2}).tail_index == 0.5);
   CHECK_FALSE(judge({2, 1}, {1}).finite_work);
   CHECK(judge({2, 1}, {1.001}).finite_work);
-  CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(3)).finite_variance);
-  CHECK_FALSE(judge({4, 1, Decay::polynomial}, power_law(2)).finite_work);
-  CHECK(judge({4, 1, Decay::polynomial}, power_law(3)).tail_index == 0.5);
+  CHECK_FALSE(judge({4, 1, Decay::polynomial}, of_power(3)).finite_variance);
+  CHECK_FALSE(judge({4, 1, Decay::polynomial}, of_power(2)).finite_work);
+  CHECK(judge({4, 1, Decay::polynomial}, of_power(3)).tail_index == 0.5);
   CHECK_THAT(judge({2, 1}, {2.5}).sentence, Catch::Contains("variance INFINITE") && Catch::Contains("between 1 and 2"));
   CHECK_THAT(judge({1, 1}, {1}).sentence, Catch::Contains("no PMF has both"));
 }
@@ -51,11 +51,11 @@ TEST_CASE("a sum over levels pays for all of them: a power law needs an exponent
           "[diagnostics][exact]") {
   const Rates zeta_of_two{4, 0, Decay::polynomial};  // terms k^-2
   const Rates sums = rates_of_sum(zeta_of_two);
-  CHECK(judge(zeta_of_two, power_law(2)).finite_work);
-  CHECK_FALSE(judge(sums, power_law(2)).finite_work);
-  CHECK(judge(sums, power_law(2.5)).finite_work);
-  CHECK(judge(sums, power_law(2.5)).finite_variance);
-  CHECK_FALSE(judge(sums, power_law(3)).finite_variance);
+  CHECK(judge(zeta_of_two, of_power(2)).finite_work);
+  CHECK_FALSE(judge(sums, of_power(2)).finite_work);
+  CHECK(judge(sums, of_power(2.5)).finite_work);
+  CHECK(judge(sums, of_power(2.5)).finite_variance);
+  CHECK_FALSE(judge(sums, of_power(3)).finite_variance);
   CHECK(default_exponent(sums) == Approx(13.0 / 6));
   CHECK_FALSE(pmf_exists(rates_of_sum({3, 0, Decay::polynomial})));
   CHECK(rates_of_sum({2, 1}).work_growth == 1);
@@ -109,7 +109,7 @@ TEST_CASE("a power law is too flat for growing work, a Poisson law too steep for
 }
 
 TEST_CASE("differences that end bring a finite variance under every PMF", "[diagnostics][exact]") {
-  for (const TailExponent& pmf : {TailExponent{1.5}, power_law(3), TailExponent{forever}}) {
+  for (const TailExponent& pmf : {TailExponent{1.5}, of_power(3), TailExponent{forever}}) {
     const DeclaredFiniteness v = judge({Rates::faster_than_any, 1}, pmf);
     CHECK(v.finite_variance);
     CHECK(v.tail_index == 0);
@@ -150,10 +150,10 @@ TEST_CASE("measured rates decide beyond two of their errors, and never guess", "
   CHECK_THAT(judge(measured(1.6, 0.1, 3.2), pmf).sentence,
              Catch::Contains("variance undecided") && Catch::Contains("1.6 +- 0.1") && Catch::Contains("survey"));
   // Power laws: finite iff rho < beta - 1, work finite iff rho > gamma + 1.
-  const MeasuredFiniteness power = judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(2.5));
+  const MeasuredFiniteness power = judge(measured(4, 0.1, 8, RateKind::polynomial), of_power(2.5));
   CHECK(power.variance == Finiteness::finite);
   CHECK(power.work == Finiteness::finite);
-  CHECK(judge(measured(4, 0.1, 8, RateKind::polynomial), power_law(3.05)).variance == Finiteness::undecided);
+  CHECK(judge(measured(4, 0.1, 8, RateKind::polynomial), of_power(3.05)).variance == Finiteness::undecided);
   // Ends and super-exponential falls.
   CHECK(judge(measured(forever, 0, forever, RateKind::exact_zero), Poisson(1).tail_exponent()).variance ==
         Finiteness::finite);

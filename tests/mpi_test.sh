@@ -44,6 +44,19 @@ check "a job without one of its ranks ends" [ $? -ne 0 ]
 check "and goes on with another number of them" same "$(answer on 3 resume k)" "$whole"
 check "or without mpirun" same "$(answer "$debias" resume k)" "$whole"
 
+# ---- chains that meet: each rank has others, of other lengths
+chains="run K01 --estimator coupled_chain --samples"
+whole=$(answer "$debias" $chains 400000)
+check "coupled chains on 3 ranks, 2 threads on each" same "$(answer on 3 $chains 400000 --threads 2)" "$whole"
+on 2 $chains 400000 --threads 1 --checkpoint c > /dev/null 2>&1 &
+launcher=$!
+tries=0
+while [ $tries -lt 80 ] && ! { [ -f c ] && [ "$(wc -c < c)" -gt 20000 ]; }; do sleep 0.1; tries=$((tries + 1)); done
+kill -9 "$(pgrep -f "^$debias run K01 --estimator coupled_chain --samples 400000" | tail -1)" 2> /dev/null
+wait $launcher
+check "a job of chains without one of its ranks ends" [ $? -ne 0 ]
+check "and goes on, with the same bits" same "$(answer on 3 resume c)" "$whole"
+
 # ---- one message for one error, and nobody waits for a rank that has it alone
 refused_on_ranks() {
   code=$1

@@ -104,8 +104,9 @@ requires(!BiasedSequence<S>) auto survey(const S& /*sequence*/, std::int64_t /*l
   return detail::refuse<detail::mistake_in_levels<S>(), S>();
 }
 
-/// As many levels as `work` pays for (at most 24), each with about the same share of it, but at most
-/// plan.samples draws and at least 1/512 of that. Stops before a level that the sequence refuses (std::length_error).
-Survey survey_within(const LevelRuns& runs, double work, const Plan& plan = {.samples = 1 << 16});
+/// As many of the levels 0 ... 23 as `work` pays for, each with about the same share of it and at least 64 draws; of those above
+/// 8 four an octave where the work hardly grows. plan.samples is not used. Stops before a level that the sequence refuses
+/// (std::length_error).
+Survey survey_within(const LevelRuns& runs, double work, const Plan& plan = {});
 
 }  // namespace debias

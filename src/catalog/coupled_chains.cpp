@@ -94,6 +94,7 @@ Problem chains(Facts facts, K kernel, Start start, F f, const ChainOptions& opti
                const Rates& rates) {
   Problem p = make(std::move(facts), ChainLevels<K, Start, F>(kernel, start, f, of_levels, rates));
   add(p, {"coupled_chain", "two chains that meet, with all their levels"}, coupled_chain(kernel, start, f, options));
+  p.sample_cost = 4;
   return p;
 }
 

@@ -35,7 +35,7 @@ void add_special(Problem& p, Special special, std::function<void(Task&)> work);
 
 /// `terms` is the same sequence as a series, or NoTerms.
 template <class Terms, BiasedSequence S>
-Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& rates) {
+Problem make(Facts facts, const S& sequence, [[maybe_unused]] const Terms& terms, const Rates& rates) {
   Problem p;
   p.id = std::move(facts.id);
   p.name = std::move(facts.name);
@@ -48,14 +48,14 @@ Problem make(Facts facts, const S& sequence, const Terms& terms, const Rates& ra
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);
   p.methods.push_back(Method::truncated);
   const auto levels = any_levels(sequence);
-  set_runs(p, [levels, terms](const Choice& choice, Task& task) {
-    if constexpr (TermSequence<Terms>) {
-      if (choice.method == Method::roulette && choice.special.empty()) {
-        return carry_out(roulette(terms, choice.pmf, {.base_level = choice.base_level}), task);
-      }
-    }
-    levels.carry_out(choice, task);
-  });
+  if constexpr (TermSequence<Terms>) {
+    set_runs(p, [levels, terms](const Choice& choice, Task& task) {
+      if (choice.method != Method::roulette || !choice.special.empty()) return levels.carry_out(choice, task);
+      carry_out(roulette(terms, choice.pmf, {.base_level = choice.base_level}), task);
+    });
+  } else {
+    set_runs(p, [levels](const Choice& choice, Task& task) { levels.carry_out(choice, task); });
+  }
   p.pilot = [levels](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
     return levels.pilot(level, draws, seed);
   };

@@ -42,13 +42,16 @@ Sparse banded(Eigen::Index n, const std::vector<double>& by_distance) {
 
 Problem log_determinant_of_chain() {
   const double shift = 4.0 / 999;
-  return make({.id = "M08",
-               .name = "chain-log-determinant",
-               .module = "operators.hpp",
-               .truth = 65.39649713833831107852,
-               .formula = "log det of tridiagonal(-1, 2 + s, -1), n = 1000, s = 4/999 (condition 1000), random signs: "
-                          "(n+1) t + log(1 - e^(-2 (n+1) t)) - log(2 sinh t), 2 cosh t = 2 + s"},
-              log_determinant_spd(banded(1000, {2 + shift, -1}), {.lower = shift}));
+  Problem p =
+      make({.id = "M08",
+            .name = "chain-log-determinant",
+            .module = "operators.hpp",
+            .truth = 65.39649713833831107852,
+            .formula = "log det of tridiagonal(-1, 2 + s, -1), n = 1000, s = 4/999 (condition 1000), random signs: "
+                       "(n+1) t + log(1 - e^(-2 (n+1) t)) - log(2 sinh t), 2 cosh t = 2 + s"},
+           log_determinant_spd(banded(1000, {2 + shift, -1}), {.lower = shift}));
+  p.sample_cost = 32;
+  return p;
 }
 
 Problem log_determinant_of_grid() {
@@ -65,26 +68,30 @@ Problem log_determinant_of_grid() {
       if (y + 1 < side) entries.emplace_back(here, here + side, -1.0);
     }
   }
-  return make({.id = "M09",
-               .name = "laplacian-log-determinant",
-               .module = "operators.hpp",
-               .truth = 494.6053676910407491022,
-               .formula = "log det of the Laplacian of a 20 x 20 grid + 0.1, random signs: sum of "
-                          "log(4.1 - 2 cos(j pi / 21) - 2 cos(k pi / 21)), j, k = 1 ... 20"},
-              log_determinant_spd(matrix(side * side, entries), {.lower = shift}));
+  Problem p = make({.id = "M09",
+                    .name = "laplacian-log-determinant",
+                    .module = "operators.hpp",
+                    .truth = 494.6053676910407491022,
+                    .formula = "log det of the Laplacian of a 20 x 20 grid + 0.1, random signs: sum of "
+                               "log(4.1 - 2 cos(j pi / 21) - 2 cos(k pi / 21)), j, k = 1 ... 20"},
+                   log_determinant_spd(matrix(side * side, entries), {.lower = shift}));
+  p.sample_cost = 8;
+  return p;
 }
 
 Problem log_determinant_of_kernel() {
   // All entries are dyadic; the spectrum lies above the least value of the symbol, 3/32, at pi.
   const std::vector<double> kernel{1.015625, 0.6328125, 0.1875, 0.015625};
-  return make(
-      {.id = "M10",
-       .name = "kernel-log-determinant",
-       .module = "operators.hpp",
-       .truth = -304.5252173040525481577,
-       .formula = "log det of a Gaussian process, 500 points, kernel (1 - d/4)^4 (1 + d) and nugget 1/64, random "
-                  "signs: by Cholesky"},
-      log_determinant_spd(banded(500, kernel), {.lower = 0.09375}));
+  Problem p =
+      make({.id = "M10",
+            .name = "kernel-log-determinant",
+            .module = "operators.hpp",
+            .truth = -304.5252173040525481577,
+            .formula = "log det of a Gaussian process, 500 points, kernel (1 - d/4)^4 (1 + d) and nugget 1/64, random "
+                       "signs: by Cholesky"},
+           log_determinant_spd(banded(500, kernel), {.lower = 0.09375}));
+  p.sample_cost = 8;
+  return p;
 }
 
 }  // namespace debias::catalog

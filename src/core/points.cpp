@@ -4,9 +4,8 @@
 #include <bit>
 #include <cassert>
 
-#include <Random123/philox.h>
-
 #include <debias/core/instructions.hpp>
+#include <debias/core/stream.hpp>
 
 #include "core/sobol.hpp"
 

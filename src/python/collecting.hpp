@@ -8,10 +8,23 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <functional>
 
 #include <debias/core/estimate.hpp>
 
 namespace debias::python {
+
+/// Draws while the flag says that only questions are asked.
+inline void ask_by(bool& collecting, const std::function<void()>& draws) {
+  collecting = true;
+  try {
+    draws();
+  } catch (...) {
+    collecting = false;
+    throw;
+  }
+  collecting = false;
+}
 
 template <class Collection>
 class Collecting {
@@ -20,7 +33,7 @@ class Collecting {
   explicit Collecting(Collection& collection, std::int64_t block = 1)
       : collection_(&collection),
         ahead_(std::max<std::int64_t>(
-            1, static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(ahead / block))))) {}
+            1, static_cast<std::int64_t>(std::bit_floor(static_cast<std::uint64_t>(ahead_of(collection) / block))))) {}
 
   void begin(std::int64_t first, std::int64_t last, bool in_order) {
     in_order_ = in_order;
@@ -48,7 +61,13 @@ class Collecting {
   }
 
  private:
-  static constexpr std::int64_t ahead = 1 << 16;  // samples
+  static constexpr std::int64_t most_ahead = 1 << 16;  // samples
+
+  // Fewer where the collection says so, of samples that take long.
+  static std::int64_t ahead_of(const Collection& collection) {
+    if constexpr (requires { collection.ahead(); }) return std::min(most_ahead, collection.ahead());
+    return most_ahead;
+  }
 
   template <class Draw>
   void collect_queries(std::int64_t first, std::int64_t last, const Draw& draw) {

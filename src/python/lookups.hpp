@@ -18,6 +18,8 @@
 
 #include <debias/core/reach.hpp>
 
+#include "collecting.hpp"
+
 namespace debias::python {
 
 class Lookups {
@@ -94,14 +96,7 @@ class Lookups {
   /// Runs the draws for their questions, and has them answered.
   void collect_queries(const std::function<void()>& draws) {
     for (auto& [level, rows] : rows_) rows.clear();
-    collecting_ = true;
-    try {
-      draws();
-    } catch (...) {
-      collecting_ = false;
-      throw;
-    }
-    collecting_ = false;
+    ask_by(collecting_, draws);
     for (auto& [level, rows] : rows_) {
       if (rows.asked > 0) answer(level, rows);
     }

@@ -15,7 +15,7 @@
 
 #include "../catalog/with_estimator.hpp"
 #include "../core/text.hpp"
-#include "collecting.hpp"
+#include "user_runs.hpp"
 
 namespace debias::python {
 namespace {
@@ -61,47 +61,12 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
   const auto with = [sequence](const Choice& choice, const auto& use) {
     return catalog::detail::with_estimator(sequence, choice, use);
   };
-  UserProblem user;
+  UserProblem user = problem_of(facts);
   catalog::Problem& p = user.problem;
-  p.name = facts.name;
-  p.module = "python";
-  p.truth = facts.truth;
-  p.formula = facts.formula;
-  p.rates = facts.rates;
-  p.lowest_base = facts.lowest_base;
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum, Method::truncated};
-  p.run = [with, lookups](const Choice& choice, const Plan& plan) {
-    Statistics result;
-    with(choice, [&](const auto& e) { result = estimate_collected(*lookups, e, plan); });
-    return result;
-  };
-  p.trace = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t index) {
-    Trace<double> result;
-    with(choice, [&](const auto& e) {
-      lookups->collect_queries([&] { trace(e, seed, index); });
-      auto t = trace(e, seed, index);
-      result = {
-          {as_scalar(t.sample.value), t.sample.work, t.sample.level}, std::move(t.levels), t.block, t.first, t.member};
-    });
-    return result;
-  };
+  set_runs(user, with, lookups);
   p.levels = gathered_levels(sequence, lookups);
   if (!std::isnan(facts.rates.variance_decay)) p.levels.facts.declared = facts.rates;
-  user.samples = [with, lookups](const Choice& choice, std::uint64_t seed, std::int64_t first, std::span<double> out) {
-    with(choice, [&](const auto& e) {
-      const auto draw_all = [&] {
-        NullRecord record;
-        std::size_t filled = 0;
-        for (std::int64_t i = first; filled < out.size(); ++i) {
-          Stream rng(seed, static_cast<std::uint64_t>(i));
-          const auto value = draw_sample(e, rng, record).value;
-          for (std::size_t j = 0; j < component_count(value); ++j) out[filled++] = component(value, j);
-        }
-      };
-      lookups->collect_queries(draw_all);
-      draw_all();
-    });
-  };
   return user;
 }
 
@@ -253,6 +218,18 @@ struct CubeDraw {
 Rates or_default(const Rates& rates, const Rates& usual) { return std::isnan(rates.variance_decay) ? usual : rates; }
 
 }  // namespace
+
+UserProblem problem_of(const Facts& facts) {
+  UserProblem user;
+  catalog::Problem& p = user.problem;
+  p.name = facts.name;
+  p.module = "python";
+  p.truth = facts.truth;
+  p.formula = facts.formula;
+  p.rates = facts.rates;
+  p.lowest_base = facts.lowest_base;
+  return user;
+}
 
 UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components) {
   const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());

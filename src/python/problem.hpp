@@ -35,6 +35,9 @@ struct UserProblem {
   std::function<void(const catalog::Choice&, std::uint64_t seed, std::int64_t first, std::span<double> out)> samples;
 };
 
+/// With what is known of it, and no runs yet.
+UserProblem problem_of(const Facts& facts);
+
 /// Levels: an answer is D_k, or I_k and D_k, of `components` numbers each (0: of a number that is no array).
 UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, std::size_t components);
 

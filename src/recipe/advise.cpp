@@ -30,6 +30,7 @@ constexpr double likely_share = 1.0 / 10;     // of the run's work, for an answe
 constexpr double most_growth = 16;            // of a pilot over the one before
 constexpr int most_stages = 12;
 constexpr double pilot_share = 1.0 / 32;       // of the work of the run
+constexpr double final_share = 1.0 / 8;        // of that, at most, for drawing again what the choice is made of
 constexpr double worthwhile_share = 0.75;      // of the work of plain numbers: less may be the noise of the pilot
 constexpr double first_nets_draws = 1 << 13;   // of the lowest level, in work
 constexpr double first_nets_share = 1.0 / 20;  // at most, of the run of plain numbers: so much they may cost in vain
@@ -257,7 +258,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
         throw std::invalid_argument("recipe: nets (" + (why_plain.empty() ? nets.why() : why_plain) +
                                     "); take plain numbers, or leave the choice to the pilot");
       }
-      advice = choose(advice.survey.pmf_exists == Answer::open, true);
+      advice = choose(advice.survey.pmf_exists == Answer::open, pilot.work() <= final_share * run_work);
       break;
     }
     const double wanted = wanted_work();

@@ -4,8 +4,8 @@
 //
 // R = 12 nets a level, each level about the same work, give V_k(2^j) for every j at once (survey/levels.hpp). Deeper levels fall
 // from the last measured one as the posterior says. A run has 32 blocks or more, of at least 1000 draws of the base in work each,
-// since Student's interval takes their means for normal ones (its coverage is not measured yet). Their number is fixed here and
-// the run is drawn afresh: blocks added until the error is small would stop on a lucky one.
+// since Student's interval takes their means for normal ones (coverage: the [long] cases of tests/recipe/nets_test.cpp). Their number
+// is fixed here and the run is drawn afresh: blocks added until the error is small would stop on a lucky one.
 
 #include <cstdint>
 #include <map>

@@ -354,6 +354,9 @@ class Beyond {
   std::vector<double> left_out_;
 };
 
+// Of a difference that is not random, how far off its size may be: a half of that of its square, in natural units.
+double uncertain_part(const Believed& b) { return std::min(1.0, 0.5 * 0.6931471805599453 * b.error); }
+
 }  // namespace
 
 Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
@@ -372,6 +375,12 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   constexpr double not_random = 0.99;
   if (share_of_mean > not_random) d.mu = sum_of_means(e, masses);
   const double mu = d.mu;
+  // Of one level in the squared error of the mean: E (D / p - mu)^2 p / members; a level of which no draw is expected leaves
+  // out (D - mu p)^2.
+  const auto part_of = [&](double second, double mean, std::int64_t level) {
+    const double mass = std::exp2(p.at(level));
+    return std::max(0.0, second - 2 * mu * mean * mass + mu * mu * mass * mass) / std::max(mass, 1 / members) / members;
+  };
   double squares = 0;  // of the variances of the parts
   const auto add = [&](double& part, double variance, double relative) {
     part += variance;
@@ -417,8 +426,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       if (!drawn) d.levels.push_back(k);
       const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
       const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
-      const double mass = std::max(std::exp2(p.at(k)), 1 / members);
-      add(drawn ? d.seen : d.undrawn, part_in_variance(second, mean, mass, mu) / members,
+      add(drawn ? d.seen : d.undrawn, part_of(second, mean, k),
           drawn ? rarity_seen / draws_expected : rarity_seen / draws);
       continue;
     }
@@ -441,18 +449,18 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
         continue;
       }
       if (certain) replaced += expected - mu * std::exp2(p.at(k));
-      left_out += certain ? std::sqrt(std::max(0.0, mean * mean - expected * expected)) : mean;
+      left_out += certain ? uncertain_part(b) * std::abs(expected) : mean;
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
     }
-    const double second = std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     const double expected = sign * share_of_mean * std::exp2(std::clamp(b.log2_second, -1000.0, 900.0) / 2);
-    const double mass = std::max(std::exp2(p.at(k)), 1 / members);
+    const double second = mu != 0 ? expected * expected * (1 + std::pow(uncertain_part(b), 2))
+                                  : std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     if (mu == 0 && beyond.holds(k)) {
-      beyond.add_drawn(k, [&](double second_moment) { return second_moment / mass / members; });
+      beyond.add_drawn(k, [&](double second_moment) { return part_of(second_moment, 0, k); });
       continue;
     }
-    add(d.unseen, part_in_variance(second, expected, mass, mu) / members, doubt);
+    add(d.unseen, part_of(second, expected, k), doubt);
   }
   if (const double variance = beyond.variance(sum_of_seen); variance > 0) add(d.unseen, variance, most_doubt);
   left_out += std::abs(replaced);

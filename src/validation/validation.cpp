@@ -22,6 +22,7 @@ constexpr std::int64_t higher_base = 2;
 constexpr std::int64_t pilot_draws = 512;
 constexpr std::int64_t pilot_levels = 11;
 constexpr double draws_per_kurtosis = 10;
+constexpr std::int64_t fewest_samples = 1024;  // of problems whose samples are costly
 
 using PilotMoments = std::array<LevelSums, pilot_levels>;
 
@@ -191,6 +192,7 @@ Report validate(const std::vector<const Problem*>& problems, const Plan& plan,
         cell.reason = refusal(rates_of(*problem, choice.method));
       } else {
         Plan of_cell = plan;
+        of_cell.samples = std::max(std::min(plan.samples, fewest_samples), plan.samples / problem->sample_cost);
         if (prepare) prepare(*problem, choice, of_cell);
         cell = run_cell(*problem, choice, of_cell, moments);
       }

@@ -54,7 +54,7 @@ struct Steep {
 };
 
 /// Deterministic, D_k = k^-2, work k + 1.
-struct Zeta {
+struct InverseSquares {
   Rates rates{4, 1, Decay::polynomial};
   Draw<double> operator()(std::int64_t level, Stream&) const {
     double sum = 0;
@@ -69,7 +69,7 @@ struct Zeta {
 TEST_CASE("the sequence laws accept right sequences, random and deterministic", "[sequence_laws][law]") {
   CHECK(sequence_laws(Toy{}) == Failures{});
   CHECK(sequence_laws(Steep{}, {.last = 8}) == Failures{});
-  CHECK(sequence_laws(Zeta{}, {.last = 40, .rates_from = 20}) == Failures{});
+  CHECK(sequence_laws(InverseSquares{}, {.last = 40, .rates_from = 20}) == Failures{});
   const auto constant = [](std::int64_t k, Stream&) { return k == 0 ? base(2.0) : coupled(2.0, 2.0); };
   CHECK(sequence_laws(constant, {.samples = 4}) == Failures{});
 }
@@ -93,8 +93,8 @@ TEST_CASE("the sequence laws name what is broken", "[sequence_laws][law]") {
   breaks(Toy{.rates = {2.5, 0}}, "E D_k^2");
   breaks(Toy{.rates = {2, 1}}, "work has exponent");
   breaks(Toy{.rates = {Rates::faster_than_any, 0}}, "does not accelerate");
-  breaks(Zeta{{4, 1}}, "E D_k^2", {.last = 40, .rates_from = 20});
-  breaks(Zeta{{3, 1, Decay::polynomial}}, "E D_k^2", {.last = 40, .rates_from = 20});
+  breaks(InverseSquares{{4, 1}}, "E D_k^2", {.last = 40, .rates_from = 20});
+  breaks(InverseSquares{{3, 1, Decay::polynomial}}, "E D_k^2", {.last = 40, .rates_from = 20});
 
   const auto every_level_a_base = [](std::int64_t, Stream&) { return base(1.0); };
   breaks(every_level_a_base, "E I_1 = E I_0 + E D_1", {.samples = 4});

@@ -54,12 +54,15 @@ void bits() {
   const auto by = [](catalog::Method method, std::int64_t block) {
     return catalog::Choice{.method = method, .pmf = AnyPmf(Geometric(0.6)), .block = block};
   };
+  const catalog::Choice meeting{.special = "coupled_chain"};
   const std::pair<const char*, catalog::Choice> problems[] = {{"A03", by(catalog::Method::single_term, 1)},
                                                               {"D01", by(catalog::Method::roulette, 1)},
-                                                              {"E02", by(catalog::Method::single_term_outcome, 64)}};
+                                                              {"E02", by(catalog::Method::single_term_outcome, 64)},
+                                                              {"K01", meeting},
+                                                              {"K04", meeting}};
   for (const auto& [name, choice] : problems) {
     for (const std::int64_t n : {1000, 4096, 4097, 100'000, 1'000'000}) {
-      if (n * choice.block > 1'000'000) continue;
+      if (n * choice.block > (choice.special.empty() ? 1'000'000 : 4097)) continue;  // chains take hundreds of steps
       const std::int64_t samples = n * choice.block;
       const catalog::Problem& problem = catalog::find(name);
       Plan plan{.samples = samples, .seed = 4};

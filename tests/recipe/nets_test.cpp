@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "catalog.hpp"
 #include "catch_shim.hpp"
 #include "estimators/sequences.hpp"
 
@@ -27,6 +28,7 @@ using namespace debias::trial;
 namespace {
 
 const RecipeOptions auto_points{.points = std::nullopt};
+const RecipeOptions plain_points{.points = Points::plain};
 
 /// I_k = (2 - 2^-k) exp(u + v) / (e - 1)^2, as anyone writes it: E I = 2.
 const auto waves = [](std::int64_t level, Stream& rng) {
@@ -199,6 +201,33 @@ TEST_CASE("a recipe takes plain numbers where nets do not help, and says why",
   CHECK_THAT(says(jumps, plan, {.points = Points::nets}), Catch::StartsWith("nets: as asked"));
 }
 
+TEST_CASE("where nets do not help a recipe that may take them is at most a tenth worse, over 64 seeds in pairs",
+          "[nets][recipe][statistical][.long]") {
+  const auto compare = [](const auto& sequence, Plan plan) {
+    double mean = 0;
+    double square = 0;
+    constexpr int seeds = 64;
+    for (int i = 0; i < seeds; ++i) {
+      plan.seed = 100 + static_cast<std::uint64_t>(i);
+      const auto product = [](const auto& r) {
+        return 2 * std::log(r.components[0].standard_error) + std::log(r.work);
+      };
+      const double ratio = product(estimate(recipe(sequence, auto_points), plan)) -
+                           product(estimate(recipe(sequence, plain_points), plan));
+      mean += ratio / seeds;
+      square += ratio * ratio / seeds;
+    }
+    const double error = std::sqrt((square - mean * mean) / seeds);
+    CAPTURE(std::exp(mean), error);
+    CHECK(std::exp(mean) < 1.1 * (1 + 2 * error));
+  };
+  compare(noise, {.samples = 1 << 18});
+  compare(jumps, {.samples = 1 << 18});
+  compare(jumps, {.samples = 1 << 15});
+  compare(noise, {.goal = {.error = 0.003}});
+  compare(jumps, {.goal = {.error = 0.002}});
+}
+
 TEST_CASE("nets that cannot be are refused where they are asked for", "[nets][recipe][exact]") {
   const RecipeOptions both{.base = Base::every_sample, .points = Points::nets};
   CHECK_THROWS_WITH(advise(level_runs(european), {}, both), Catch::Contains("Base::every_sample"));
@@ -215,7 +244,7 @@ TEST_CASE("nets that cannot be are refused where they are asked for", "[nets][re
 
 TEST_CASE("the pilots of a recipe with nets cost at most a tenth of its run, or 2e4 draws of the base",
           "[nets][recipe][statistical][!mayfail]") {
-  // Not met at loose goals: 6.5e4 beside a run of 3.3e4. While a PMF is open evidence rules, and strata draw as much again.
+  // Not met at loose goals: 6.5e4 beside a run of 3.3e4, 7.1e4 beside 1.8e5. While a PMF is open evidence rules, and strata draw as much again.
   for (const double error : {0.02, 0.004, 0.001}) {
     const Advice a = advise(level_runs(european), {.seed = 1, .goal = {.error = error}}, auto_points);
     CAPTURE(error, a.pilot_work, a.predicted.work * static_cast<double>(a.members));
@@ -260,12 +289,73 @@ TEST_CASE("a goal by nets is met on average over seeds, by honest errors", "[net
   CHECK(covered >= 48);  // of 57 expected, with a standard deviation of 1.7
 }
 
+namespace {
+
+const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
+const auto asian =
+    milstein(stock, Average{}, [](const Average& p) { return std::max(p.average() - 100, 0.0) * std::exp(-0.05); });
+const auto lookback =
+    milstein(stock, Minimum{}, [](const Minimum& p) { return (p.terminal - p.minimum) * std::exp(-0.05); });
+const auto autoregression = steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0,
+                                         [](double x) { return x * x; }, contraction(0.5));
+
+}  // namespace
+
+TEST_CASE("errors of goals by recipes that may take nets are at most 1.1 of the goal over 400 seeds",
+          "[nets][recipe][goal][statistical][.long]") {
+  const auto check = [](const char* name, const auto& sequence, double truth, double error) {
+    double squares = 0;
+    constexpr int seeds = 400;
+    for (std::uint64_t seed = 5000; seed < 5000 + seeds; ++seed) {
+      const auto r = estimate(recipe(sequence, auto_points), {.seed = seed, .goal = {.error = error}});
+      squares += (r.mean - truth) * (r.mean - truth) / seeds;
+    }
+    CAPTURE(name, std::sqrt(squares) / error);
+    CHECK(std::sqrt(squares) < 1.1 * error);
+  };
+  check("European", european, call_price, 0.003);
+  check("Asian", asian, catalog::find("E03").truth, 0.01);
+  check("lookback", lookback, catalog::find("E04").truth, 0.02);
+  check("autoregression", autoregression, 4.0 / 3, 0.01);
+}
+
+namespace {
+
+/// Of 4,000 runs of 32 blocks that an advice for this goal names.
+double coverage(const auto& sequence, double truth, double error) {
+  const Advice advice = advise(level_runs(sequence), {.seed = 77, .goal = {.error = error}}, auto_points);
+  REQUIRE(advice.points == Points::nets);
+  const auto estimator = estimator_of(sequence, advice);
+  constexpr int runs = 4000;
+  int covered = 0;
+  for (std::uint64_t i = 0; i < runs; ++i) {
+    const Interval interval = estimate(estimator, {.samples = 32 * advice.block, .seed = 900'000 + i}).interval();
+    covered += interval.low <= truth && truth <= interval.high ? 1 : 0;
+  }
+  return static_cast<double>(covered) / runs;
+}
+
+}  // namespace
+
+TEST_CASE("intervals of 32 blocks of nets cover 93.2 to 96.6 % of 4,000 runs", "[nets][recipe][statistical][.long]") {
+  const auto check = [](double covered) {
+    CHECK(covered >= 0.932);
+    CHECK(covered <= 0.966);
+  };
+  check(coverage(asian, catalog::find("E03").truth, 0.02));
+  check(coverage(lookback, catalog::find("E04").truth, 0.05));
+  check(coverage(autoregression, 4.0 / 3, 0.01));
+  CHECK(coverage(european, call_price, 0.01) >= 0.932);
+}
+
+TEST_CASE("intervals of 32 blocks of nets are not too wide for the European call",
+          "[nets][recipe][statistical][.long][!mayfail]") {
+  CHECK(coverage(european, call_price, 0.01) <= 0.966);  // not met: 97.4 %
+}
+
 TEST_CASE("goals by nets take at most so much work, pilots included", "[nets][recipe][statistical][stat][!mayfail]") {
   // Not met yet: the Asian takes 3.6e5 (3.3e5), the nested max 7.6e5 (6e5), the autoregression 8.6e5 (3e5), for one or two of
   // whose seeds plain numbers are taken.
-  const double discount = std::exp(-0.05);
-  const auto call = [discount](double s) { return std::max(s - 100, 0.0) * discount; };
-  const GeometricBrownianMotion stock{.start = 100, .growth = 0.05, .volatility = 0.2};
   const auto check = [](const char* name, const auto& sequence, double error, double most) {
     constexpr std::size_t seeds = 16;
     std::array<double, seeds> work{};
@@ -283,16 +373,11 @@ TEST_CASE("goals by nets take at most so much work, pilots included", "[nets][re
   };
   check("European", european, 0.001, 1.25e6);
   check("European", european, 0.0002, 1.3e7);
-  check("Asian", milstein(stock, Average{}, [call](const Average& p) { return call(p.average()); }), 0.0025, 3.3e5);
-  check("lookback",
-        milstein(stock, Minimum{}, [discount](const Minimum& p) { return (p.terminal - p.minimum) * discount; }),
-        0.0025, 4.5e6);
+  check("Asian", asian, 0.0025, 3.3e5);
+  check("lookback", lookback, 0.0025, 4.5e6);
   check("nested max",
         nested([](Stream& rng) { return rng.normal(); }, [](double x, Stream& rng) { return x + rng.normal(); },
                functions::PositivePart{}, Rates{1.5, 1}),
         0.002, 6e5);
-  check("autoregression",
-        steady_state([](double x, Stream& rng) { return 0.5 * x + rng.normal(); }, 0.0, [](double x) { return x * x; },
-                     contraction(0.5)),
-        0.002, 3e5);
+  check("autoregression", autoregression, 0.002, 3e5);
 }

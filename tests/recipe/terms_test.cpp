@@ -53,13 +53,13 @@ TEST_CASE("a split says which is the noise, and predicts variance and work", "[r
   CHECK(a.probe_share() > 0.5);
   CHECK(a.sentence().find("probes are the noise") != std::string::npos);
   CHECK(b.base_level > a.base_level);
-  CHECK(product(roulette(noisy, a)) == Approx(predicted(a)).epsilon(0.3));
-  CHECK(product(roulette(quiet, b)) == Approx(predicted(b)).epsilon(0.3));
+  CHECK(product(estimator_of(noisy, a)) == Approx(predicted(a)).epsilon(0.3));
+  CHECK(product(estimator_of(quiet, b)) == Approx(predicted(b)).epsilon(0.3));
   // no worse than the roulette of the declared rates, and much better where a prefix pays
-  CHECK(product(roulette(noisy, a)) < 1.05 * product(roulette(noisy)));
-  CHECK(product(roulette(quiet, b)) < 0.2 * product(roulette(quiet)));
+  CHECK(product(estimator_of(noisy, a)) < 1.05 * product(roulette(noisy)));
+  CHECK(product(estimator_of(quiet, b)) < 0.2 * product(roulette(quiet)));
   // a few paths choose nearly as well
-  CHECK(product(roulette(noisy, split_work(noisy, {.seed = 3}))) < 1.3 * predicted(a));
+  CHECK(product(estimator_of(noisy, split_work(noisy, {.seed = 3}))) < 1.3 * predicted(a));
 }
 
 TEST_CASE("the recipe of a series is unbiased and counts its pilot", "[recipe][statistical]") {
@@ -69,7 +69,7 @@ TEST_CASE("the recipe of a series is unbiased and counts its pilot", "[recipe][s
   CHECK(std::abs(r.mean - 5) < 4.5 * r.standard_error);
   CHECK(std::abs(r.mean - 5.2) > 4.5 * r.standard_error);
   CHECK(r.split.pilot_work > 0);
-  const auto alone = estimate(roulette(terms, r.split), {.samples = 1 << 14, .seed = 8});
+  const auto alone = estimate(estimator_of(terms, r.split), {.samples = 1 << 14, .seed = 8});
   CHECK(r.mean == alone.mean);
   CHECK(r.work == alone.work + r.split.pilot_work);
 }

@@ -88,20 +88,31 @@ struct Heston {
 
 }  // namespace
 
-TEST_CASE("a posterior mean with rare weights has an answer", "[evidence][inputs][statistical][!mayfail]") {
-  // Not met: y = 3 covers 16 of 20, 18 are asked for.
+namespace {
+
+Tally of_posterior_mean(double y) {
+  const auto weighted = [y](Stream& rng) {
+    const double theta = rng.normal();
+    const double weight = std::exp(-(y - theta) * (y - theta) / 2);
+    return Eigen::Array2d(theta * weight, weight);
+  };
+  return by_recipe(function_of_mean(weighted, functions::Ratio{}), y / 2, {.samples = 1 << 13}, 20);
+}
+
+}  // namespace
+
+TEST_CASE("a posterior mean with rare weights has an answer", "[evidence][inputs][statistical]") {
   for (const double y : {3.0, 2.5, 3.5}) {
     CAPTURE(y);
-    const auto weighted = [y](Stream& rng) {
-      const double theta = rng.normal();
-      const double weight = std::exp(-(y - theta) * (y - theta) / 2);
-      return Eigen::Array2d(theta * weight, weight);
-    };
-    const Tally t = by_recipe(function_of_mean(weighted, functions::Ratio{}), y / 2, {.samples = 1 << 13}, 20);
+    const Tally t = of_posterior_mean(y);
     CHECK(t.refused == 0);
     CHECK(t.infinite == 0);
-    CHECK(t.covered >= 18);
+    if (y != 3.0) CHECK(t.covered >= 18);
   }
+}
+
+TEST_CASE("the intervals of a posterior mean of y = 3 cover", "[evidence][inputs][statistical][!mayfail]") {
+  CHECK(of_posterior_mean(3).covered >= 18);  // not met: 16 of 20
 }
 
 TEST_CASE("nested logarithms of lognormal draws are not refused", "[evidence][inputs][statistical]") {

@@ -71,6 +71,9 @@ struct PilotChain {
 using ChainPilot =
     std::function<std::vector<PilotChain>(const ChainOptions& options, std::uint64_t stage, std::int64_t count)>;
 ChainAdvice advise_chain(const ChainPilot& pilot, const ChainAdviceOptions& options);
+inline Stream pilot_stream(const ChainAdviceOptions& options, std::uint64_t stage, std::int64_t chain) {
+  return split(Stream(options.seed, static_cast<std::uint64_t>(chain)), Branch::pilot).split(stage);
+}
 
 }  // namespace detail
 
@@ -84,7 +87,7 @@ ChainAdvice advise(const CoupledChain<K, Start, F>& chain, const ChainAdviceOpti
     const double share = 1 / static_cast<double>(of.length - of.burn_in + 1);
     std::vector<detail::PilotChain> results;
     for (std::int64_t i = 0; i < count; ++i) {
-      Stream rng = split(Stream(options.seed, static_cast<std::uint64_t>(i)), Branch::pilot).split(stage);
+      Stream rng = detail::pilot_stream(options, stage, i);
       const auto run = piloted.draw(rng);
       detail::PilotChain result;
       for (std::size_t c = 0; c < component_count(run.total); ++c) {

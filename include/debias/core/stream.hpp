@@ -22,6 +22,12 @@
 #include <span>
 #include <type_traits>
 
+// Nothing here uses its SSE types, and the intrinsics that come with them take a second to compile. Who needs them includes
+// Random123 first, or sets both.
+#ifndef R123_USE_SSE
+#define R123_USE_SSE 0
+#define R123_USE_X86INTRIN_H 0
+#endif
 #include <Random123/philox.h>
 
 #include <debias/core/points.hpp>

@@ -155,7 +155,7 @@ requires DeclaresRates<S> WorkSplit split_work(const S& terms, const WorkSplitOp
 
 /// The roulette that a split names.
 template <TermSequence S>
-Roulette<S, Geometric> roulette(S terms, const WorkSplit& split) {
+Roulette<S, Geometric> estimator_of(S terms, const WorkSplit& split) {
   return roulette(std::move(terms), Geometric(1 - split.survival), {.base_level = split.base_level});
 }
 
@@ -201,7 +201,7 @@ TermRecipeResult<sequence_value_t<S>> estimate(const TermRecipe<S>& recipe, cons
   const double pilot_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Plan run = plan;
   run.pilot += {split.pilot_work, pilot_seconds};
-  auto result = debias::estimate(debias::roulette(recipe.terms, split), run);
+  auto result = debias::estimate(debias::estimator_of(recipe.terms, split), run);
   return {std::move(result), std::move(split)};
 }
 

@@ -4,7 +4,7 @@
     >>> print(debias.estimate("square-of-mean", samples=1e6, seed=7))
 
 `problems()` lists the problems with known answers; `levels`, `function_of_mean` and `function_of_integral` make one of
-your own from a NumPy function. The same seed gives the same bits as the program `debias` and as C++, on any number of
+your own from a NumPy function, and `debias.chains` an expectation by Markov chains. The same seed gives the same bits as the program `debias` and as C++, on any number of
 threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
 
 Every `seed` is a whole number of 64 bits, 1 where it is left out. None takes a fresh one from the operating system. A
@@ -35,7 +35,7 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
-    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "diagnose", "estimate", "estimators",
+    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "chains", "diagnose", "estimate", "estimators",
     "function_of_integral", "function_of_mean", "pmfs", "levels", "normal_quantile", "problems", "replay", "samples",
     "stream_version", "survey", "tradeoff",
 ]
@@ -397,16 +397,24 @@ def _seed(seed: Any) -> Union[int, str]:
     return number
 
 
-def _problem(problem: Any) -> Any:
+def _problem(problem: Any, has_levels: bool = False) -> Any:
+    """What the module knows of a problem: of coupled chains what they have made of themselves."""
+    if isinstance(problem, chains.CoupledChain):
+        if not has_levels:
+            return problem._problem
+        raise TypeError("problem: coupled chains (have no levels that a PMF draws: their level is the time when they met); "
+                        "debias.chains.advise measures what they need")
     if isinstance(problem, (str, Problem)):
         return problem
     raise TypeError(f"problem: {type(problem).__name__} (must be a name, see debias.problems(), or one of your own, "
-                    "see debias.levels and debias.function_of_mean)")
+                    "see debias.levels, debias.function_of_mean and debias.chains)")
 
 
 def _estimator(problem: Any, pmf: Optional[str], estimator: Optional[str], pilot: bool = False) -> Optional[str]:
     """Without declared rates and without a PMF only a recipe can go on, where there may be a pilot."""
-    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe")
+    if isinstance(problem, Problem) and problem.special and estimator is None:
+        return problem.special
+    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe", "coupled_chain")
     if not needs or not isinstance(problem, Problem) or problem.declares_rates:
         return estimator
     if pilot and estimator is None:
@@ -463,7 +471,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
 
     Issues a DebiasWarning for each doubt of the result.
     """
-    estimator = _estimator(_problem(problem), pmf, estimator, pilot=True)
+    problem = _problem(problem)
+    estimator = _estimator(problem, pmf, estimator, pilot=True)
     command = _debias.multilevel if estimator == "multilevel" else _debias.run
     options = _options(samples=samples, seed=_seed(seed), threads=threads,
                        estimator=None if estimator == "multilevel" else estimator, pmf=pmf, base_level=base_level,
@@ -505,8 +514,9 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
             raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
         if not least <= value < 2**62:
             raise ValueError(f"{name} = {value} (must be at least {least})")
-    options = _options(seed=seed, estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf,
-                       base_level=base_level, block=block, points=points)
+    problem = _problem(problem)
+    options = _options(seed=seed, estimator=_estimator(problem, pmf, estimator), pmf=pmf, base_level=base_level, block=block,
+                       points=points)
     with _Bar(progress) as bar:
         values = _debias.samples(problem, options, int(n), int(first), bar)
     components = problem.components if isinstance(problem, Problem) else 1
@@ -523,9 +533,10 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
+    problem = _problem(problem)
     options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
-                       estimator=_estimator(_problem(problem), pmf, estimator), pmf=pmf, base_level=base_level,
-                       block=block, points=points)
+                       estimator=_estimator(problem, pmf, estimator), pmf=pmf, base_level=base_level, block=block,
+                       points=points)
     return Report(*_debias.replay(problem, options, None))
 
 
@@ -534,7 +545,7 @@ def survey(problem: Union[str, Problem], *, levels: Number = 10, samples: Number
     """Measures the levels from `first` on: how differences decay, how work grows, and whether a PMF exists."""
     options = _options(levels=levels, first=first, samples=samples, seed=_seed(seed), threads=threads)
     with _Bar(progress) as bar:
-        return Report(*_debias.survey(_problem(problem), options, bar))
+        return Report(*_debias.survey(_problem(problem, has_levels=True), options, bar))
 
 
 def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points: Number = 15,
@@ -545,7 +556,7 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
     options = _options(family=family, points=points, samples=samples, seed=_seed(seed), threads=threads,
                        estimator=estimator, base_level=base_level, block=block)
     with _Bar(progress) as bar:
-        return Report(*_debias.tradeoff(_problem(problem), options, bar))
+        return Report(*_debias.tradeoff(_problem(problem, has_levels=True), options, bar))
 
 
 def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, seed: Seed = 1, threads: Number = 0,
@@ -560,7 +571,7 @@ def advise(problem: Union[str, Problem], *, samples: Optional[Number] = None, se
     options = _options(samples=samples, seed=_seed(seed), threads=threads, estimator=estimator, base_level=base_level,
                        points=points, error=error, relative_error=relative_error, seconds=seconds)
     with _Bar(progress) as bar:
-        return Report(*_debias.advise(_problem(problem), options, bar))
+        return Report(*_debias.advise(_problem(problem, has_levels=True), options, bar))
 
 
 def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
@@ -793,3 +804,5 @@ def _knows_old_names(f: Any) -> Any:
 
 for _f in (estimate, samples, replay, survey, tradeoff, advise):
     globals()[_f.__name__] = _knows_old_names(_f)
+
+from . import chains  # noqa: E402  it takes what stands above

@@ -12,8 +12,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from . import Diagnosis, Report, _numbers, diagnose
+from .chains import ChainAdvice
 
-__all__ = ["error_map", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
+__all__ = ["distance", "error_map", "meeting_times", "running_mean", "speed_against_error", "survey", "tail", "tradeoff"]
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, RED, BLACK = (
     "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000")
@@ -262,3 +263,57 @@ def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: 
     ax.set_xlabel("column (pixels)")
     ax.set_ylabel("row (pixels)")
     return ax
+
+
+def meeting_times(times: Any, *, label: Optional[str] = None, colour: str = BLUE, title: Optional[str] = None,
+                  ax: Any = None) -> Any:
+    """The share of pairs of chains that have not met by a time. A geometric tail, which is light, is a straight line here; a
+    tail that bends away from it is heavy, or belongs to a second, slower scale.
+
+    `times`: an array of `debias.chains.meeting_times`, or what `debias.chains.advise` returned.
+
+    Examples
+    --------
+    >>> from debias import chains, plot
+    >>> walk = chains.random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
+    >>> ax = plot.meeting_times(chains.meeting_times(chains.coupled_chain(walk, 0.0, lambda x: x[:, 0]), 200))
+    """
+    if isinstance(times, ChainAdvice):
+        rows = times.meetings
+        values, counts = rows["last"], rows["chains"]
+    else:
+        array = np.ravel(np.asarray(times))
+        if array.size == 0 or array.dtype.kind not in "iu":
+            raise TypeError("times: no array of meeting times (whole numbers)")
+        values, counts = np.unique(array, return_counts=True)
+    late = 1 - np.cumsum(counts) / counts.sum()
+    ax = _ax(ax)
+    ax.step(np.concatenate(([0], values)), np.concatenate(([1.0], late)), where="post", color=colour,
+            label=label or f"{counts.sum()} pairs")
+    ax.set_yscale("log")
+    ax.set_ylim(0.5 / counts.sum(), 1.3)
+    return _finish(ax, title, "steps t", "share not met by t")
+
+
+def distance(advice: ChainAdvice, *, label: Optional[str] = None, colour: str = BLUE, title: Optional[str] = None,
+             ax: Any = None) -> Any:
+    """An upper bound on how far a plain chain is from its steady state after t steps, in total variation: how long a burn-in
+    would have had to be [Biswas, Jacob, Vanetti 2019]. The dashed line is one percent.
+
+    Examples
+    --------
+    >>> from debias import chains, plot
+    >>> walk = chains.random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
+    >>> start = lambda u: 6 * u - 3
+    >>> ax = plot.distance(chains.advise(chains.coupled_chain(walk, start, lambda x: x[:, 0]), chains=200))
+    """
+    rows = advice.distance
+    if len(rows) == 0:
+        raise ValueError("advice: no distance (chains were cut, and those that were cut have no meeting time); take a larger "
+                         "limit, or none")
+    ax = _ax(ax)
+    ax.plot(rows["time"], rows["bound"], color=colour, marker="o", markersize=3.5,
+            label=label or f"lag {advice['options']['lag']}")
+    ax.axhline(0.01, color=BLACK, linestyle="--", linewidth=1)
+    ax.set_yscale("log")
+    return _finish(ax, title, "steps t of a plain chain", "distance from the steady state, at most")
