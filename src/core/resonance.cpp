@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -17,11 +16,10 @@ namespace {
 
 constexpr double share_of_run = 1.0 / 16;  // of its look-ups
 constexpr double least_lookups = 4096;     // as long as they are at most half of the run's
-constexpr std::int64_t fewest_draws = 8;
-constexpr std::int64_t most_draws = 64;
-constexpr std::int64_t few_beyond = 8;      // draws of deeper levels, up to which a level is looked at
-constexpr double room = 0.75;               // standard errors
-constexpr double room_of_comparison = 3.5;  // likewise
+constexpr std::int64_t fewest_draws = 4;
+constexpr std::int64_t most_draws = 512;
+constexpr std::int64_t few_beyond = 8;  // draws of deeper levels, up to which a level is the last
+constexpr double room = 3;              // standard errors
 constexpr double rounding = 1e-12;
 
 // The largest that was found.
@@ -30,11 +28,10 @@ struct Finding {
   double size = 0;
   std::int64_t level = 0;
 
-  void take(double found, double allowed, const ComponentEstimate& e, std::int64_t k) {
-    if (!(std::abs(found) > allowed)) return;
-    const double z = std::abs(found) / std::max(e.standard_error, rounding * std::abs(e.mean));
-    if (!(z > errors)) return;
-    *this = {z, found, k};
+  void take(const LeftOut& found, const ComponentEstimate& e, std::int64_t k) {
+    const double error = std::max(e.standard_error, rounding * std::abs(e.mean));
+    if (!found.is_seen(error) || !(std::abs(found.size) > errors * error)) return;
+    *this = {std::abs(found.size) / error, found.size, k};
   }
 };
 
@@ -50,46 +47,29 @@ double added_beyond(const Statistics& s, std::int64_t level) {
   return added;
 }
 
-// Draws beyond a level that a run of its length has on the average.
-double expected_beyond(const Statistics& s, std::int64_t level) {
-  double mass = 0;
-  for (std::size_t i = 0; i < s.masses.mass.size(); ++i) {
-    if (s.masses.first_level + static_cast<std::int64_t>(i) > level) mass += s.masses.mass[i];
-  }
-  return mass * static_cast<double>(s.samples);
-}
-
 }  // namespace
 
-double agreed(std::vector<double> batches) {
-  for (const double x : batches) {
-    if (std::isnan(x)) return 0;  // it has no place in an order
-  }
-  std::sort(batches.begin(), batches.end());
-  if (batches.size() < 2) return 0;
-  const double low = batches[1];
-  const double high = batches[batches.size() - 2];
-  if (low < 0 && high < 0) return low;
-  if (low > 0 && high > 0) return high;
-  return std::abs(low) > std::abs(high) ? std::min(low, 0.0) : std::max(high, 0.0);
+bool LeftOut::is_seen(double error) const { return std::abs(size) > room * std::hypot(error, noise); }
+
+LeftOut left_out(const std::vector<double>& batches, std::int64_t draws, double added) {
+  const double whole = static_cast<double>(draws) / static_cast<double>(draws - 1);  // B has 1 - 1 / draws of it
+  const auto n = static_cast<double>(batches.size());
+  double mean = 0;
+  for (const double x : batches) mean += whole * x / n;
+  double squares = 0;
+  for (const double x : batches) squares += (whole * x - mean) * (whole * x - mean);
+  const double noise = std::sqrt(squares / (n * (n - 1)));
+  if (!std::isfinite(noise)) return {};
+  if (!(mean * added > 0)) return {mean, noise};
+  return {std::copysign(std::max(std::abs(mean) - std::abs(added), 0.0), mean), noise};
 }
 
-double left_out(std::vector<double> batches, std::int64_t draws, double added) {
-  const double whole = static_cast<double>(draws) / static_cast<double>(draws - 1);  // B has 1 - 1 / draws of it
-  double low = std::numeric_limits<double>::infinity();
-  double high = -low;
-  bool above = true;
-  bool below = true;
-  for (const double x : batches) {
-    if (std::isnan(x)) return 0;
-    above = above && x > 0;
-    below = below && x < 0;
-    low = std::min(low, whole * x - added);
-    high = std::max(high, whole * x - added);
+std::vector<std::int64_t> levels_to_check(std::int64_t base_level, std::int64_t last) {
+  std::vector<std::int64_t> levels = {base_level};
+  for (const std::int64_t k : {(base_level + last) / 2, last}) {
+    if (k > levels.back()) levels.push_back(k);
   }
-  const double spread = high - low;
-  if (above && low > spread) return low - spread;
-  return below && -high > spread ? high + spread : 0;
+  return levels;
 }
 
 double work_of_missed(std::int64_t level, std::int64_t draws) {
@@ -125,38 +105,22 @@ void judge_points(Statistics& s, const Missed& missed) {
   }
   const double work = s.work - s.pilot_work;
   const double budget = std::max(share_of_run * work, std::min(least_lookups, work / 2));
-  const double each = budget / 2;
+  while (last > table.base_level() && draws_of_missed(last, budget / 3) == 0) --last;
+  const std::vector<std::int64_t> levels = levels_to_check(table.base_level(), last);
+  const double each = budget / static_cast<double>(levels.size());
   Finding finding;
   double spent = 0;
-  const auto look = [&](std::int64_t level, std::int64_t draws) {
+  for (const std::int64_t level : levels) {
+    std::int64_t draws = draws_of_missed(level, each);
+    if (draws == 0 && levels.size() == 1 && work_of_missed(level, fewest_draws) <= work / 2) draws = fewest_draws;
+    if (draws == 0) continue;
     spent += work_of_missed(level, draws);
-    return missed(level, draws);
-  };
-  // Not the interval: zeros that it doubts would widen it beyond what they hide.
-  const std::size_t components = s.components.size();
-  std::int64_t draws = draws_of_missed(last, each);
-  if (draws == 0 && last == table.base_level() && work_of_missed(last, fewest_draws) <= work / 2) draws = fewest_draws;
-  if (draws > 0) {
-    const double expected = std::max(static_cast<double>(beyond), expected_beyond(s, last));
-    const MissedBatches b = look(last, draws);
-    for (std::size_t c = 0; c < b.size() && c < components; ++c) {
-      const ComponentEstimate& e = s.components[c];
-      const double allowed = (std::sqrt(expected) + room) * e.standard_error;
-      finding.take(agreed(b[c]), allowed + rounding * std::abs(e.mean), e, last);
-    }
-  }
-  // The deepest level that is known well enough: what the run has drawn beyond it may be plenty, and miss one level of them.
-  std::int64_t sharp = last;
-  while (sharp > table.base_level() && draws_of_missed(sharp, each) < sharp_draws) --sharp;
-  draws = draws_of_missed(sharp, each);
-  if (finding.errors == 0 && draws >= sharp_draws) {
-    const MissedBatches b = look(sharp, draws);
-    const double added = added_beyond(s, sharp);
-    for (std::size_t c = 0; c < b.size() && c < components; ++c) {
-      const ComponentEstimate& e = s.components[c];
-      const double side = components == 1 || b[c].front() > 0 ? 1 : -1;
-      finding.take(left_out(b[c], draws, side * added),
-                   room_of_comparison * e.standard_error + rounding * std::abs(e.mean), e, sharp);
+    const MissedBatches b = missed(level, draws);
+    const double added = added_beyond(s, level);
+    for (std::size_t c = 0; c < b.size() && c < s.components.size(); ++c) {
+      // The table has the sizes of arrays only.
+      const double side = b.size() == 1 || b[c].front() > 0 ? 1 : -1;
+      finding.take(left_out(b[c], draws, side * added), s.components[c], level);
     }
   }
   s.work += spent;

@@ -12,7 +12,6 @@ namespace {
 constexpr double share_of_survey = 1.0 / 16;  // of its look-ups
 constexpr double least_lookups = 8192;
 constexpr double explained = 8;  // times the largest root mean square of the last differences: sum 2^(-k/4) is less
-constexpr double room = 2;       // standard errors of the mean of a level
 constexpr double rounding = 1e-12;
 
 // The largest E D^2 from two levels before row i on.
@@ -49,12 +48,12 @@ void judge_points(Survey& survey, const LevelRuns& runs) {
     double size = 0;
     double error = 0;
     for (std::size_t c = 0; c < batches.size(); ++c) {
-      const double missed = detail::agreed(batches[c]);
+      const detail::LeftOut missed = detail::left_out(batches[c], draws, 0);
       const double of_mean = c < rows[i].values.size() ? rows[i].values[c].standard_error : rows[i].mean_error;
       const double scale = c < rows[i].values.size() ? std::abs(rows[i].values[c].mean) : std::abs(rows[i].mean);
-      const double allowed = std::max(explained * std::sqrt(last_square(rows, i)), room * of_mean) + rounding * scale;
-      if (!(std::abs(missed) > allowed) || !(std::abs(missed) > std::abs(size))) continue;
-      size = missed;
+      const double allowed = explained * std::sqrt(last_square(rows, i)) + rounding * scale;
+      if (!missed.is_seen(of_mean) || !(std::abs(missed.size) > std::max(allowed, std::abs(size)))) continue;
+      size = missed.size;
       error = std::max(of_mean, rounding * scale);
     }
     if (size == 0) continue;

@@ -7,9 +7,10 @@
 // Notation: k = level, I_k = its value, g(I) = limit. An equidistant comb sees nothing of a period that is a whole multiple of its
 // spacing: fine and coarse means agree, all differences up to some level fall or vanish, and the answer is E I_k of that level
 // instead of g(I). Independent combs have independent offsets, so B(k) shows it, whatever the period and the number of points.
-// The check reads B at levels that a run draws hardly or not: where its variance is finite, what they leave out is no
-// more than sqrt(c) standard errors, c = draws expected beyond them (Cauchy-Schwarz on sum E D_k and sum E D_k^2 / p_k); more
-// is a warning. At a shallower level it compares B with T, what the levels above have added to the answer: g(I) - E I_k, too.
+// The check reads B at the base level, at the last one that the run draws well, and between them, and compares it with T, what the
+// levels above have added to the answer: g(I) - E I_k, too. Where B lies further out than T, by three times the error of the answer
+// and the noise of B together, the run is warned of. Shallow levels pay for many means, which values that are rare need; at deep
+// ones a B of its own falls to nothing, and what is in step stays. A B below T misses what is rare, and says nothing.
 // A linear g has B = 0, and no bias. Numbers come from streams of the check's own and change no result; it takes at most a
 // sixteenth of the look-ups of the run, or 4096 if these are less than half of them, and they count in its work.
 // Fails where values are so rare that n of them miss them. Optional hook of a sequence, forwarded by the estimators:
@@ -42,16 +43,18 @@ namespace detail {
 using MissedBatches = std::vector<std::vector<double>>;
 using Missed = std::function<MissedBatches(std::int64_t level, std::int64_t draws)>;
 
-inline constexpr std::int64_t batches_of_missed = 4;
-/// Means in a batch from which on it is compared with what deeper levels have added.
-inline constexpr std::int64_t sharp_draws = 48;
+inline constexpr std::int64_t batches_of_missed = 8;
 
-/// What two of the batches reach, on the same side of zero; a NaN stays out.
-double agreed(std::vector<double> batches);
+/// What batches say beside what deeper levels have added already: the rest, and the standard error of B.
+struct LeftOut {
+  double size = 0;
+  double noise = 0;
 
-/// What batches of `draws` means say beside `added`, which deeper levels have found already: by how much more than they differ
-/// by they all lie beyond it; 0 where they see less than was found, for then they miss what is rare.
-double left_out(std::vector<double> batches, std::int64_t draws, double added);
+  /// Beyond chance, for an answer with this error.
+  [[nodiscard]] bool is_seen(double error) const;
+};
+/// Of batches of `draws` means. Size 0 where they see less than was added, or a NaN.
+LeftOut left_out(const std::vector<double>& batches, std::int64_t draws, double added);
 
 template <ChecksPoints S>
 MissedBatches missed_of(const S& sequence, std::int64_t level, std::int64_t draws, std::uint64_t seed) {
@@ -65,6 +68,8 @@ MissedBatches missed_of(const S& sequence, std::int64_t level, std::int64_t draw
   return batches;
 }
 
+/// The levels that a check reads, without repetitions, shallow ones first.
+std::vector<std::int64_t> levels_to_check(std::int64_t base_level, std::int64_t last);
 /// Means of a level in each batch, for so many look-ups in all; 0: they do not pay for a batch.
 std::int64_t draws_of_missed(std::int64_t level, double lookups);
 /// The look-ups of all batches.
