@@ -111,24 +111,34 @@ Problem information_gain() {
     }
     return o;
   };
-  const auto ratio = [](const Observed& o, double squares) {
-    return std::exp(-0.5 * precision * (squares - o.residual));
-  };
-  // p(y | theta') / p(y | theta) of another theta', by inversion.
-  const auto at = [ratio](const Observed& o, std::span<const double> x) {
+  // E p(y | theta') / p(y | theta) over the prior is a peak. Around y, theta' = y + noise, its density is p(y | theta') itself: what is
+  // left is the prior there.
+  const auto around = [](const Observed& o, std::span<const double> x) {
     double squares = 0;
     for (std::size_t i = 0; i < 2; ++i) {
-      const double off = o.y[i] - normal_quantile(x[i]);
+      const double theta = o.y[i] + normal_quantile(x[i]) / std::sqrt(precision);
+      squares += theta * theta;
+    }
+    return std::exp(0.5 * (precision * o.residual - squares)) / precision;
+  };
+  Problem p =
+      make({.id = "I06",
+            .name = "information-gain",
+            .module = "nested.hpp",
+            .truth = 1.609437912434100374600,
+            .formula = "E log (p(y | theta) / E p(y | theta')), theta ~ N(0, I_2), y ~ N(theta, I_2 / 4): ln 5"},
+           nested(observe, around, Cube(2), MinusLog{}, {.rates = Rates{2.5, 1}}));
+  const auto from_prior = [](const Observed& o, Stream& rng) {
+    double squares = 0;
+    for (std::size_t i = 0; i < 2; ++i) {
+      const double off = o.y[i] - rng.normal();
       squares += off * off;
     }
-    return ratio(o, squares);
+    return std::exp(-0.5 * precision * (squares - o.residual));
   };
-  return make({.id = "I06",
-               .name = "information-gain",
-               .module = "nested.hpp",
-               .truth = 1.609437912434100374600,
-               .formula = "E log (p(y | theta) / E p(y | theta')), theta ~ N(0, I_2), y ~ N(theta, I_2 / 4): ln 5"},
-              nested(observe, at, Cube(2), MinusLog{}, {.rates = Rates{2, 1}}));
+  add(p, {.name = "independent", .description = "the same with independent draws in place of nets"},
+      single_term(nested(observe, from_prior, MinusLog{}, {1.5, 1})));
+  return p;
 }
 
 }  // namespace debias::catalog
