@@ -172,6 +172,13 @@ const std::vector<Problem>& problems() {
       bernoulli_convolution(),
       cantor_law(),
       dickman_law(),
+      // I: functions of an integral over a cube
+      evidence_in_2(),
+      evidence_in_4(),
+      evidence_in_8(),
+      sobol_g(),
+      reciprocal_over_cube(),
+      information_gain(),
       // K: chains that meet
       chain_square(),
       chain_product(),

@@ -6,7 +6,8 @@
 // erased here, once a run: the sample loops behind `run` are compiled for the sequence itself.
 // Ids and values: catalogue of closed forms, groups A (functions of a mean), B (functions of an integral),
 // C (finite differences), D (series), E (stochastic differential equations), F (nested expectations),
-// H (steady states), K (chains that meet), M (deterministic limits, and matrices of known determinant).
+// H (steady states), I (functions of an integral over a cube), K (chains that meet),
+// M (deterministic limits, and matrices of known determinant).
 
 #include <cstdint>
 #include <functional>

@@ -355,7 +355,46 @@ class Driver {
       x.push_back(static_cast<double>(l));
       logs.push_back(std::log2(level.variance()));
     }
+    judge_points(result);
     result.beta = x.size() < 2 ? slowest_rate : -fit_line(x, logs, std::vector<double>(x.size(), 1.0)).slope;
+  }
+
+  // What lies beyond the last level, beside what is said of it (core/resonance.hpp).
+  void judge_points(MultilevelStatistics& result) const {
+    if (!runs_.missed) return;
+    constexpr double share_of_run = 1.0 / 16;  // of its look-ups
+    constexpr double least_lookups = 8192;
+    const double budget = std::max(share_of_run * result.work, least_lookups);
+    auto last = static_cast<std::int64_t>(levels_.size()) - 1;
+    while (last > 0 && detail::draws_of_missed(last, budget / 3) == 0) --last;
+    const std::vector<std::int64_t> levels = detail::levels_to_check(0, last);
+    double worst = 0;
+    double error = 0;
+    std::int64_t where = 0;
+    for (const std::int64_t level : levels) {
+      const std::int64_t draws = detail::draws_of_missed(level, budget / static_cast<double>(levels.size()));
+      if (draws == 0) continue;
+      const double spent = detail::work_of_missed(level, draws);
+      result.work += spent;
+      result.pilot_work += spent;
+      const detail::MissedBatches missed = runs_.missed(level, draws, plan_.seed);
+      for (std::size_t c = 0; c < missed.size() && c < result.components.size(); ++c) {
+        const double scale = 1e-12 * std::abs(result.components[c].mean);
+        const double allowed = std::hypot(result.components[c].standard_error, result.bias) + scale;
+        double added = 0;
+        for (auto k = static_cast<std::size_t>(level) + 1; k < levels_.size(); ++k)
+          added += levels_[k].components[c].mean;
+        const detail::LeftOut found = detail::left_out(missed[c], draws, added);
+        if (!found.is_seen(allowed) || !(std::abs(found.size) > std::abs(worst))) continue;
+        worst = found.size;
+        error = std::max(result.components[c].standard_error, scale);
+        where = level;
+      }
+    }
+    if (worst == 0) return;
+    result.converged = false;
+    result.warnings.push_back(
+        {WarningCode::aliased_differences, detail::resonance_words(where, worst, std::abs(worst) / error) + "."});
   }
 
   const LevelRuns& runs_;

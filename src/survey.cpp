@@ -14,6 +14,7 @@
 #include "core/text.hpp"
 #include "core/words.hpp"
 #include "survey/pilot.hpp"
+#include "survey/resonance.hpp"
 
 namespace debias {
 namespace {
@@ -145,6 +146,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
   Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
+  judge_points(result, runs);
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {
     result.remarks.push_back({WarningCode::interrupted, "interrupted: " + std::to_string(complete) + " of " +
@@ -156,7 +158,9 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
 Survey survey_within(const LevelRuns& runs, double work, const Plan& plan) {
   Pilot pilot(runs, plan);
   pilot.grow(work, deepest_within);
-  return pilot.survey(true);
+  Survey result = pilot.survey(true);
+  judge_points(result, runs);
+  return result;
 }
 
 namespace {

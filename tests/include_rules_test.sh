@@ -35,7 +35,7 @@ may_include() {
     multilevel) echo 'core/.*|survey/levels|diagnostics' ;;
     mpi) echo 'core/.*' ;;
     numbers/*) echo 'numbers/.*' ;;
-    recipe | recipe/*) echo 'recipe|recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/pilot|diagnostics' ;;
+    recipe | recipe/*) echo 'recipe|recipe/.*|core/.*|statistics/.*|pmf/.*|estimators/.*|survey|survey/(pilot|resonance)|diagnostics' ;;
     debias) echo '(core|pmf|estimators|derivative|recipe|chains)/.*|[a-z_]*' ;;
     catalog | catalog/*) echo '(core|pmf|estimators|survey|catalog|sde|chains)/.*|[a-z_]*' ;;
     validation/*) echo '(core|pmf|estimators|survey|catalog|validation|sde)/.*|[a-z_]*' ;;

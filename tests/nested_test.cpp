@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -162,4 +163,38 @@ TEST_CASE("F09: two nestings, the inner draw an unbiased estimate of a nested ex
   INFO(r);
   CHECK(std::abs(r.mean - std::exp(-1) / std::sqrt(3.0)) < 4.5 * r.standard_error);
   CHECK(std::abs(r.mean - std::exp(-1.25)) > 4.5 * r.standard_error);  // E[Z^2|X] = X^2 + 2 taken for its square
+}
+
+TEST_CASE("an inner expectation on nets is unbiased, and its differences fall twice as fast", "[nested][statistical]") {
+  // exp(-E[X | Y]), X = (Y + x_1) (1 + x_2) / 2 over the square: exp(-3/4 (Y + 1/2)), Y uniform.
+  const auto outer = [](Stream& rng) { return rng.uniform(); };
+  const auto at = [](double y, std::span<const double> x) { return 0.5 * (y + x[0]) * (1 + x[1]); };
+  const auto drawn = [at](double y, Stream& rng) {
+    const double x[2] = {rng.uniform(), rng.uniform()};
+    return at(y, x);
+  };
+  const double truth = std::exp(-0.375) * (1 - std::exp(-0.75)) / 0.75;
+  const auto nets = nested(outer, at, Cube(2), functions::ExpMinus{});
+  const auto r = estimate(single_term(nets), {.samples = 1 << 14, .seed = 3});
+  CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - 1.02 * truth) > 4.5 * r.standard_error);
+  const auto square = [](const auto& s) {
+    double total = 0;
+    for (std::uint64_t i = 0; i < 512; ++i) {
+      Stream rng(7, i);
+      const double d = s(8, rng).difference;
+      total += d * d;
+    }
+    return total;
+  };
+  CHECK(square(nets) < 1e-3 * square(nested(outer, drawn, functions::ExpMinus{})));
+}
+
+TEST_CASE("a log of a mean of weights that would all underflow is that of the weights beside their largest",
+          "[nested][statistical]") {
+  // log E e^l, l = -2000 - 3 x over [0, 1]: -2000 + log((1 - e^-3) / 3).
+  const auto outer = [](Stream&) { return 0.0; };
+  const auto at = [](double, std::span<const double> x) -> Eigen::Array2d { return {std::exp(-3 * x[0]), -2000}; };
+  const auto r = estimate(single_term(nested(outer, at, Cube(1), functions::ShiftedLog{})), {.samples = 1 << 12});
+  CHECK(std::abs(r.mean - (-2000 + std::log((1 - std::exp(-3)) / 3))) < 4.5 * r.standard_error + 1e-9);
 }

@@ -36,6 +36,8 @@ accepted 'base<double>(1); coupled<double>(1, 2); base(1.0f, 3); coupled(1.0, 2.
 accepted 'std::cout << estimate([](Stream& rng) { return std::gamma_distribution<>(2, 1)(rng); }); static_assert(std::uniform_random_bit_generator<Stream>);'
 accepted 'std::vector<Stream> all; all.emplace_back(1, 2); Stream one(all[0]); one = Stream(all[0]); one = one.split(3);'
 
+accepted 'std::cout << estimate(single_term(function_of_integral([](std::span<const double> x) { return x[0] + x[1]; }, Cube(2), functions::Exp{})));'
+
 # ---- a stream by value: at every door that takes a callable of a stream
 refused "$by_value" 'std::cout << estimate([](debias::Stream rng) { return rng.uniform(); });'
 refused "$by_value" 'std::cout << estimate([](auto rng) { return rng.uniform(); });'
@@ -159,6 +161,12 @@ refused 'write base(1.0)' 'base(true);'
 refused 'are of two types' 'coupled(1.0f, 2.0);'
 refused 'are of two types' 'coupled(std::complex<double>(1), 2.0, 3);'
 refused 'this is no value' 'base(1.0L);'
+
+# ---- integrands over a Cube
+refused 'takes the coordinates of a point' 'function_of_integral([](double x) { return x; }, Cube(2), functions::Log{});'
+refused 'takes the coordinates of a point' 'function_of_integral([](double x, double y) { return x + y; }, Cube(2), functions::Log{});'
+refused 'is no value' 'function_of_integral([](std::span<const double>) { return "one"; }, Cube(2), functions::Log{});'
+refused 'over a Cube takes outer' 'nested([](Stream& rng) { return rng.uniform(); }, [](double y, double x) { return x + y; }, Cube(1), functions::Log{});'
 
 # Each case is a function on a line of its own: `N<tab>words` says which lines are refused, and how.
 awk -F '\t' '{ print "void case_" NR "() { " $2 " }" }' "$work/cases" > "$work/bodies"

@@ -10,11 +10,18 @@
 // a kink). A jump has {0.5, 1}: no PMF with finite variance and finite work.
 // Nestings nest: an inner draw may be an unbiased estimate of another nested expectation (`estimated`), with
 // a finite fourth moment. f has to bear what such estimates may be: under a large weight they have either sign.
+// Over a Cube the inner points are a scrambled net given Y (function_of_mean/cubes.hpp): E D_k^2 falls like 2^(-4k) or so for
+// smooth f of an inner expectation in few dimensions, like 2^(-3k) with a kink. With nets of members outside (`recipe`, .points)
+// both expectations are on nets.
+// f sees of Y what the inner draws bring along: the mean of a number that depends on Y alone is that number. So log-mean-exp of
+// large negative l is functions::ShiftedLog of the mean of (e^(l - c), c), c any number that Y gives.
 // Numbers: those of Y first, then those of the draws of X in order; `estimated` draws from streams of its own, plain ones.
 // Sources: Giles, Acta Numerica 24 (2015); Syed & Wang 2023 (recursion).
 
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -42,6 +49,64 @@ struct ConditionalPoints {
                      [this, &rng, y = outer(rng)] { return [&] { return inner(y, rng); }; }};
   }
 };
+
+/// Points of a net given one Y, which is drawn first.
+template <class Outer, class Inner>
+class NetGivenOuter {
+  using Y = std::remove_cvref_t<std::invoke_result_t<const Outer&, Stream&>>;
+  struct Given {
+    const Inner* inner;
+    const Y* y;
+    auto operator()(std::span<const double> x) const { return (*inner)(*y, x); }
+  };
+
+ public:
+  NetGivenOuter(const Outer& outer, const Inner& inner, std::size_t dimension, std::int64_t level,
+                std::int64_t group_level, Stream& rng)
+      : y_(outer(rng)), given_{&inner, &y_}, groups_(given_, dimension, level, group_level, rng, point_of_net(rng)) {}
+  NetGivenOuter(const NetGivenOuter&) = delete;  // it points to itself
+  NetGivenOuter& operator=(const NetGivenOuter&) = delete;
+
+  auto operator()() { return groups_(); }
+  auto halves() { return groups_.halves(); }
+
+ private:
+  Y y_;
+  Given given_;
+  NetGroups<Given> groups_;
+};
+
+template <class Outer, class Inner>
+struct ConditionalCube {
+  Outer outer;
+  Inner inner;
+  std::size_t dimension;
+  static constexpr double scale = 1;
+  static constexpr double extra_work = 1;
+  static constexpr Limit limit = Limit::random;
+  static constexpr std::int64_t deepest_level = deepest_net_level;
+
+  auto points(std::int64_t level, std::int64_t group_level, Stream& rng) const {
+    check_net_level(level);
+    return NetGivenOuter<Outer, Inner>(outer, inner, dimension, level, group_level, rng);
+  }
+};
+
+template <class Outer, class Inner>
+concept NestedOverCube = std::invocable<const Outer&, Stream&> &&
+    requires(const Inner& inner, std::span<const double> x, const result_t<Outer, Stream&>& y) {
+  requires Value<std::remove_cvref_t<decltype(inner(y, x))>>;
+};
+template <class Outer, class Inner>
+constexpr Mistake mistake_in_nested_cube() {
+  constexpr Mistake outer = mistake_in_call<Outer, Stream&>();
+  if constexpr (outer == Mistake::none) {
+    return first_of(mistake_in_function<Inner, const result_t<Outer, Stream&>&, std::span<const double>>(),
+                    Mistake::no_nested_integrand);
+  } else {
+    return first_of(outer, Mistake::no_nested_integrand);
+  }
+}
 
 template <class Outer, class Inner>
 concept NestedDraws = std::invocable<const Outer&, Stream&> &&
@@ -82,6 +147,23 @@ requires detail::NestedDraws<Outer, Inner>
 auto nested(Outer outer, Inner inner, F f, const Rates& rates = {2, 1}) {
   using P = detail::ConditionalPoints<Outer, Inner>;
   return Doubling<P, F>(P{std::move(outer), std::move(inner)}, std::move(f), rates);
+}
+
+/// The same with X given Y = y an integral over a cube, on nets: `inner(y, x)` is its integrand at x, the coordinates of a
+/// point. Of the options rates are those of smooth f by default.
+template <class Outer, class Inner, class F>
+requires detail::NestedOverCube<Outer, Inner>
+auto nested(Outer outer, Inner inner, const Cube& cube, F f, const CubeOptions& options = {}) {
+  using P = detail::ConditionalCube<Outer, Inner>;
+  const Rates rates = options.rates.value_or(Rates{detail::net_decay(cube.dimension()), 1});
+  return Doubling<P, F>(P{std::move(outer), std::move(inner), cube.dimension()}, std::move(f), rates);
+}
+
+template <class Outer, class Inner, class F>
+requires(!detail::NestedOverCube<Outer, Inner>) auto nested(const Outer& /*outer*/, const Inner& /*inner*/,
+                                                            const Cube& /*cube*/, const F& /*f*/,
+                                                            const CubeOptions& /*options*/ = {}) {
+  return detail::refuse<detail::mistake_in_nested_cube<Outer, Inner>(), Outer, Inner>();
 }
 
 template <class Outer, class Inner, class F>

@@ -34,5 +34,6 @@ template class AnyLevels<Hooks{.batches = true}>;
 template class AnyLevels<Hooks{.difference_at = true, .batches = true}>;
 template class AnyLevels<Hooks{.shared = true}>;
 template class AnyLevels<Hooks{.shared = true, .batches = true, .batches_shared = true}>;
+template class AnyLevels<Hooks{.shared = true, .batches = true, .batches_shared = true, .missed = true}>;
 
 }  // namespace debias::catalog::detail

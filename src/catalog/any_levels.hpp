@@ -15,6 +15,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/reach.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 
@@ -28,6 +29,7 @@ struct Hooks {
   bool shared = false;
   bool batches = false;         ///< values and differences
   bool batches_shared = false;  ///< shared
+  bool missed = false;          ///< points that can be in step with the integrand
 };
 
 template <BiasedSequence S>
@@ -36,7 +38,8 @@ constexpr Hooks hooks_of() {
   return {.difference_at = OffersDifferenceAt<S>,
           .shared = OffersSharedBase<S>,
           .batches = BatchesValues<S> && BatchesDifferences<S>,
-          .batches_shared = BatchesShared<S>};
+          .batches_shared = BatchesShared<S>,
+          .missed = ChecksPoints<S>};
 }
 
 /// One function for each way to draw; those that the sequence lacks are null.
@@ -52,6 +55,7 @@ struct LevelCalls {
   void (*batch_shared)(const void* s, std::int64_t level, std::int64_t base, StreamBatch& batch,
                        SharedOut out) = nullptr;
   BiasBound (*bias_bound)(const void* s, const LevelTable& levels) = nullptr;
+  double (*missed)(const void* s, std::int64_t level, std::int64_t draws, Stream& rng) = nullptr;
 };
 
 template <class S>
@@ -90,6 +94,11 @@ constexpr LevelCalls level_calls() {
     if constexpr (StatesBias<S>) return as<S>(s).bias_bound(levels);
     return BiasBound{};
   };
+  if constexpr (hooks_of<S>().missed) {
+    calls.missed = [](const void* s, std::int64_t level, std::int64_t draws, Stream& rng) {
+      return static_cast<double>(as<S>(s).missed(level, draws, rng));
+    };
+  }
   return calls;
 }
 template <BiasedSequence S>
@@ -143,6 +152,9 @@ class AnyLevels {
   }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const {
     return calls_->bias_bound(sequence_.get(), levels);
+  }
+  [[nodiscard]] double missed(std::int64_t level, std::int64_t draws, Stream& rng) const requires(hooks.missed) {
+    return calls_->missed(sequence_.get(), level, draws, rng);
   }
   [[nodiscard]] std::int64_t deepest_level() const { return deepest_; }
   [[nodiscard]] SequenceFacts facts() const { return facts_; }

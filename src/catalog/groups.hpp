@@ -103,6 +103,14 @@ Problem bernoulli_convolution();
 Problem cantor_law();
 Problem dickman_law();
 
+// I: functions of an integral over a cube (cubes.cpp)
+Problem evidence_in_2();
+Problem evidence_in_4();
+Problem evidence_in_8();
+Problem sobol_g();
+Problem reciprocal_over_cube();
+Problem information_gain();
+
 // K: chains that meet (coupled_chains.cpp)
 Problem chain_square();
 Problem chain_product();

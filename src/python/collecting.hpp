@@ -54,6 +54,11 @@ class Collecting {
     NullRecord record;
     return draw(i, record).value;
   }
+  template <class F>
+  auto aside(const F& f) {
+    collection_->collect_queries([&] { f(); });
+    return f();
+  }
 
  private:
   static constexpr std::int64_t most_ahead = 1 << 16;  // samples

@@ -43,6 +43,13 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
     return debias::detail::net_moments(
         estimate_collected(*lookups, debias::detail::NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
   };
+  if constexpr (ChecksPoints<S>) {
+    runs.missed = [sequence, lookups](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+      const auto missed = [&] { return debias::detail::missed_of(sequence, level, draws, seed); };
+      lookups->collect_queries(missed);
+      return missed();
+    };
+  }
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence, lookups](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return debias::detail::shared_moments(

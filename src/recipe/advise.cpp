@@ -15,6 +15,7 @@
 #include "recipe/net_pilot.hpp"
 #include "recipe/prose.hpp"
 #include "survey/pilot.hpp"
+#include "survey/resonance.hpp"
 
 namespace debias {
 namespace {
@@ -269,6 +270,7 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   if (advice.usable() && plan.goal.asked() && static_cast<double>(advice.members) > most_affordable) {
     refuse_cost(advice, wanted_members(advice, plan));
   }
+  judge_points(advice.survey, runs);
   for (const Warning& remark : advice.survey.remarks) {
     if (!is_note(remark.code)) advice.warnings.push_back(remark);
   }

@@ -211,8 +211,12 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
+  const bool aliased = std::any_of(statistics.warnings.begin(), statistics.warnings.end(),
+                                   [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
   for (const Warning& remark : advice.survey.remarks) {
-    if (remark.code == WarningCode::coupling) statistics.warnings.push_back({remark.code, remark.text + "."});
+    const bool wrong =
+        remark.code == WarningCode::coupling || (remark.code == WarningCode::aliased_differences && !aliased);
+    if (wrong) statistics.warnings.push_back({remark.code, remark.text + "."});
   }
 }
 

@@ -28,6 +28,7 @@
 #include <debias/core/plan.hpp>
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/result.hpp>
 #include <debias/core/run_state.hpp>
 #include <debias/core/stream.hpp>
@@ -122,6 +123,11 @@ struct OneByOne {
     NullRecord record;
     return draw(i, record).value;
   }
+  /// Something else that draws.
+  template <class F>
+  auto aside(const F& f) const {
+    return f();
+  }
 };
 
 /// Draws by the index of a stream; those of a pilot have streams of their own.
@@ -186,7 +192,13 @@ Statistics statistics_by(Way& way, const E& estimator, const Plan& plan) {
     }
     statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
   }
-  return detail::with_rounding<V>(std::move(statistics));
+  statistics = detail::with_rounding<V>(std::move(statistics));
+  if constexpr (ChecksPoints<E>) {
+    detail::judge_points(statistics, [&](std::int64_t level, std::int64_t draws) {
+      return way.aside([&] { return detail::missed_of(estimator, level, draws, plan.seed); });
+    });
+  }
+  return statistics;
 }
 
 template <Estimator E, class Way>

@@ -86,7 +86,9 @@ enum class Mistake {
   no_nested_draws,
   no_photons,
   no_complex_function,
-  no_power_series
+  no_power_series,
+  no_cube_function,
+  no_nested_integrand
 };
 
 /// One sentence a mistake; `Of` is what it was made with, for one sentence each time.
@@ -206,6 +208,12 @@ constexpr Refused refuse() {
                 "debias::Photon");
   static_assert(m != Mistake::no_complex_function,
                 "debias: a complex step takes f(z) or f(z, debias::Stream& rng), a std::complex<double> of one");
+  static_assert(m != Mistake::no_cube_function,
+                "debias: an integrand over a Cube takes the coordinates of a point, (std::span<const double> x), and "
+                "returns a value");
+  static_assert(m != Mistake::no_nested_integrand,
+                "debias: a nested expectation over a Cube takes outer(debias::Stream& rng), which returns y, and "
+                "inner(y, std::span<const double> x), which returns a value");
   static_assert(m != Mistake::no_power_series,
                 "debias: this function has no power series; take one of debias::functions, or autodiff<order>(g)");
   return {};

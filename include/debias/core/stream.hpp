@@ -200,7 +200,7 @@ class Stream {
 
 /// Branches of a sample's stream that are not levels. Level k draws from split(k), so estimators and PMFs
 /// that share a seed see the same level draws; everything else has a tag of its own up here.
-enum class Branch : std::uint64_t { pmf = ~std::uint64_t{0}, pilot = ~std::uint64_t{1} };
+enum class Branch : std::uint64_t { pmf = ~std::uint64_t{0}, pilot = ~std::uint64_t{1}, points = ~std::uint64_t{2} };
 
 inline Stream split(const Stream& rng, Branch branch) { return rng.split(static_cast<std::uint64_t>(branch)); }
 

@@ -23,6 +23,7 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/text.hpp>
 #include <debias/estimators/common.hpp>
@@ -80,6 +81,9 @@ class Progressive {
 
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  [[nodiscard]] auto missed(std::int64_t level, std::int64_t draws, Stream& rng) const requires ChecksPoints<S> {
+    return sequence_.missed(level, draws, rng);
   }
   /// As if every sample had the base level of the last one.
   [[nodiscard]] Reach reach(std::int64_t last) const {

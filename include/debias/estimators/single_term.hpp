@@ -25,6 +25,7 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/reach.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/estimators/common.hpp>
 #include <debias/pmf/geometric.hpp>
@@ -114,6 +115,9 @@ class SingleTerm {
   [[nodiscard]] double probability(std::int64_t level) const { return pmf_.mass(level - first_level()); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
+  }
+  [[nodiscard]] auto missed(std::int64_t level, std::int64_t draws, Stream& rng) const requires ChecksPoints<S> {
+    return sequence_.missed(level, draws, rng);
   }
   [[nodiscard]] SequenceFacts facts() const { return debias::facts_of(sequence_); }
   [[nodiscard]] Reach reach(std::int64_t /*last*/) const {

@@ -36,6 +36,7 @@
 #include <debias/core/pmf.hpp>
 #include <debias/core/points.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/text.hpp>
 #include <debias/core/value.hpp>
@@ -126,6 +127,9 @@ class Stratified {
   /// Strata leave the mean of a member where it is.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<E> {
     return estimator_.bias_bound(levels);
+  }
+  [[nodiscard]] auto missed(std::int64_t level, std::int64_t draws, Stream& rng) const requires ChecksPoints<E> {
+    return estimator_.missed(level, draws, rng);
   }
 
   [[nodiscard]] std::string describe() const {

@@ -208,7 +208,30 @@ class Doubling {
     for (std::size_t b = 0; b < out.size(); ++b) out[b] = {bases[b] * share, sums.odd[b], work(level)};
   }
 
-  [[nodiscard]] static std::int64_t deepest_level() { return 62; }
+  [[nodiscard]] static std::int64_t deepest_level() {
+    if constexpr (requires { P::deepest_level; }) {
+      return P::deepest_level;
+    } else {
+      return 62;
+    }
+  }
+
+  /// g of the mean of `draws` independent means of a level, less the mean of g of each (core/resonance.hpp).
+  [[nodiscard]] mean_t<value_type> missed(std::int64_t level, std::int64_t draws, Stream& rng) const
+      requires(detail::InStep<P>) {
+    detail::RunningSum<Mean> means;
+    detail::RunningSum<mean_t<value_type>> values;
+    for (std::int64_t i = 0; i < draws; ++i) {
+      Stream own = rng.split(static_cast<std::uint64_t>(i));
+      Mean m = level == 0 ? debias::scaled(points_.points(0, 0, own)(), points_.scale)
+                          : mean(halves(level, 0, own, NoVisit{}), level);
+      values.add(mean_t<value_type>(detail::value_at(g_, level, m)));
+      means.add(std::move(m));
+    }
+    const double share = 1 / static_cast<double>(draws);
+    return debias::difference(mean_t<value_type>(detail::value_at(g_, level, debias::scaled(means.total(), share))),
+                              debias::scaled(values.total(), share));
+  }
 
   /// Of a g without gap: the sizes of the differences that are nothing but its rounding. They are what a mean
   /// may be off by, and the least variance of a run: they stay as large while the probabilities of their

@@ -107,6 +107,7 @@ struct IntervalPoints {
   double from;
   double scale;  // the length of the interval
   static constexpr double extra_work = 0;
+  static constexpr bool in_step = Positions::one_offset;
 
   auto points(std::int64_t level, std::int64_t group_level, Stream& rng) const {
     const std::int64_t size = doubled_draws(group_level);

@@ -79,6 +79,12 @@ concept Points = requires(const P& p, std::int64_t level, Stream& rng) {
   { p.extra_work } -> std::convertible_to<double>;
 };
 
+/// Points that share one random offset: they can be in step with what they look at (core/resonance.hpp).
+template <class P>
+concept InStep = requires {
+  requires P::in_step;
+};
+
 /// Sums of groups of `size` numbers, in double precision at least; `group()` begins the next group and returns a
 /// callable of its numbers. Inlined by force: large programs have many callers, and a call costs as much as a draw.
 template <class Group>

@@ -3,6 +3,7 @@
 // Functions of several means, with the gap of functions.hpp: componentwise(g), a ratio, log-sum-exp.
 //
 //   Ratio      m_0 / m_1          gap: the determinant of (d, m) over m_1 (m_1^2 - d_1^2), times d_1
+//   ShiftedLog log m_0 + m_1      gap: that of log m_0, for m_1 is the same in both halves
 //   LogSumExp  log sum e^(m_i)    gap = -log(1 + 4 sum_(i<j) p_i p_j sinh^2((d_i - d_j) / 2)) / 2, p_i ~ e^(m_i)
 //
 // Notation, accuracy, and where they fail: functions.hpp. Source: derived here; the determinant is Kahan's.
@@ -14,6 +15,7 @@
 #include <utility>
 
 #include <debias/core/value.hpp>
+#include <debias/functions/elementary.hpp>
 
 namespace debias::functions {
 
@@ -152,6 +154,24 @@ struct LogSumExp {
       }
     }
     return -0.5 * (largest + std::log(total));
+  }
+};
+
+/// log m_0 + m_1: the log of a mean of weights e^(l - c), and c beside them. l itself may lie anywhere, e^l would be 0.
+struct ShiftedLog {
+  template <RealArray M>
+  double operator()(const M& m) const {
+    return Log{}(component(m, 0)) + component(m, 1);
+  }
+  template <RealArray M>
+  double gap(const M& m, const M& d) const {
+    return Log{}.gap(component(m, 0), component(d, 0));
+  }
+  template <RealArray M>
+  double gap_of_halves(const M& a, const M& b) const {
+    const double x = component(a, 0);
+    const double y = component(b, 0);
+    return lopsided(x, y) ? Log{}.gap_of_halves(x, y) : Log{}.gap((x + y) / 2, (x - y) / 2);
   }
 };
 

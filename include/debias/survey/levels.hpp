@@ -28,6 +28,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/estimator.hpp>
 #include <debias/core/refusals.hpp>
+#include <debias/core/resonance.hpp>
 #include <debias/core/sequence.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/statistics/evidence.hpp>
@@ -82,6 +83,8 @@ struct LevelRuns {
   /// Draws plan.samples nets of 2^octaves points of a level: of I_k, as the base, or of D_k.
   std::function<NetMoments(std::int64_t level, bool as_base, int octaves, const Plan& plan)> nets;
   SequenceFacts facts{};  ///< what the sequence states of itself
+  /// B(level), from so many means in a batch (core/resonance.hpp). Empty where points cannot be in step with the integrand.
+  std::function<detail::MissedBatches(std::int64_t level, std::int64_t draws, std::uint64_t seed)> missed;
 };
 
 namespace detail {
@@ -377,6 +380,11 @@ LevelRuns level_runs(const S& sequence) {
                                octaves);
   };
   runs.facts = facts_of(sequence);
+  if constexpr (ChecksPoints<S>) {
+    runs.missed = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
+      return detail::missed_of(sequence, level, draws, seed);
+    };
+  }
   if constexpr (OffersSharedBase<S>) {
     runs.shared = [sequence](std::int64_t level, std::int64_t base_level, const Plan& plan) {
       return detail::shared_moments(

@@ -1,0 +1,13 @@
+#pragma once
+
+// Does a survey miss what none of its levels can show? The check of core/resonance.hpp, on its last levels.
+
+#include <debias/survey.hpp>
+
+namespace debias {
+
+/// Makes the answer open, with a remark, where the limit lies farther from the last level, or from one before a gap, than the
+/// differences that were seen can explain.
+void judge_points(Survey& survey, const LevelRuns& runs);
+
+}  // namespace debias

@@ -1,0 +1,166 @@
+#include <debias/core/resonance.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/function_of_mean.hpp>
+#include <debias/functions.hpp>
+#include <debias/multilevel.hpp>
+#include <debias/recipe.hpp>
+#include <debias/survey.hpp>
+
+using namespace debias;
+
+namespace {
+
+constexpr double two_pi = 2 * std::numbers::pi;
+
+bool is_warned(const std::vector<Warning>& warnings) {
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
+}
+
+// exp(-integral of 2 + a cos(2 pi periods x) + slope x).
+struct Wave {
+  double periods;
+  double amplitude = 1.9;
+  double slope = 0;
+  double operator()(double x) const { return -(2 + amplitude * std::cos(two_pi * periods * x) + slope * x); }
+  [[nodiscard]] double truth() const { return std::exp(-2 - slope / 2); }
+};
+
+// Slats: 3 in a quarter of each period, else nothing.
+struct Fence {
+  double periods;
+  double operator()(double x) const { return periods * x - std::floor(periods * x) < 0.25 ? -3 : 0; }
+  [[nodiscard]] static double truth() { return std::exp(-0.75); }
+};
+
+template <class F>
+auto transmitted(const F& f) {
+  return function_of_integral(f, functions::Exp{});
+}
+
+// Wrong by more than five standard errors and rounding, and silent.
+template <class R>
+bool is_silently_wrong_of(const R& r, double truth) {
+  return std::abs(r.mean - truth) > 5 * r.standard_error + 1e-14 * truth && !is_warned(r.warnings);
+}
+template <class F>
+bool is_silently_wrong(const F& f, std::uint64_t seed, std::int64_t samples) {
+  const auto r = estimate(single_term(transmitted(f)), {.samples = samples, .seed = seed, .threads = 1});
+  return is_silently_wrong_of(r, f.truth());
+}
+
+// The same by a recipe.
+template <class F>
+bool recipe_is_silently_wrong(const F& f, std::uint64_t seed, std::int64_t samples) {
+  const auto r = estimate(recipe(transmitted(f)), {.samples = samples, .seed = seed, .threads = 1});
+  return is_silently_wrong_of(r, f.truth());
+}
+
+}  // namespace
+
+TEST_CASE("an integrand in step with the comb is warned of: 1024 periods under exp", "[resonance]") {
+  const Wave wave{1024};
+  const auto r = estimate(single_term(transmitted(wave)), {.samples = 1 << 14, .seed = 1});
+  CHECK(std::abs(r.mean - wave.truth()) > 20 * r.standard_error);  // it is wrong, and looks right
+  CHECK(is_warned(r.warnings));
+}
+
+TEST_CASE("cos(128 x)^2 over [0, pi] is warned of", "[resonance]") {
+  const auto f = [](double x) { return -std::pow(std::cos(128 * x), 2); };
+  const auto r = estimate(single_term(function_of_integral(f, functions::Exp{}, {.to = std::numbers::pi})),
+                          {.samples = 1 << 14, .seed = 1});
+  CHECK(std::abs(r.mean - std::exp(-std::numbers::pi / 2)) > 5 * r.standard_error);
+  CHECK(is_warned(r.warnings));
+}
+
+TEST_CASE("no period q 2^m is more than five standard errors off without a warning", "[resonance][stat]") {
+  for (const int q : {1, 3, 5, 7, 9}) {
+    for (int m = 0; m <= 12; ++m) {
+      const double periods = q * std::exp2(m);
+      for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+        CAPTURE(q, m, seed);
+        CHECK_FALSE(recipe_is_silently_wrong(Wave{periods}, seed, 1 << 13));
+        CHECK_FALSE(recipe_is_silently_wrong(Wave{periods, 0.4, 1}, seed, 1 << 13));
+        CHECK_FALSE(recipe_is_silently_wrong(Fence{periods}, seed, 1 << 13));
+        CHECK_FALSE(is_silently_wrong(Wave{periods}, seed, 1 << 13));
+        CHECK_FALSE(is_silently_wrong(Wave{periods, 0.4, 1}, seed, 1 << 13));
+        CHECK_FALSE(is_silently_wrong(Fence{periods}, seed, 1 << 13));
+      }
+    }
+  }
+}
+
+TEST_CASE("smooth integrands, and functions without bias, are not warned of", "[resonance]") {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto smooth = [](double x) { return -1 - std::sin(2 * x); };
+    CHECK_FALSE(is_warned(estimate(single_term(transmitted(smooth)), {.samples = 1 << 12, .seed = seed}).warnings));
+    const auto linear = [](double m) { return 3 * m; };
+    CHECK_FALSE(is_warned(
+        estimate(single_term(function_of_integral(Wave{1024}, linear)), {.samples = 1 << 12, .seed = seed}).warnings));
+  }
+}
+
+TEST_CASE("survey, recipe and multilevel warn of it as well", "[resonance]") {
+  const auto levels = transmitted(Wave{4096});
+  const Survey s = survey(levels, 8, {.samples = 1024});
+  CHECK(is_warned(s.remarks));
+  CHECK(s.pmf_exists == Answer::open);
+  CHECK(is_warned(estimate(recipe(levels), {.samples = 1 << 13}).warnings));
+  const MultilevelStatistics m = multilevel(levels, 1e-2);
+  CHECK(is_warned(m.warnings));
+  CHECK_FALSE(m.goal_met());
+}
+
+TEST_CASE("of what batches see, what deeper levels have added is no news", "[resonance][exact]") {
+  // 3 means see two thirds of it: 6, 6, 7.5 and 6 are the whole.
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 0).size == 6.375);
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 0).noise == 0.375);
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 6).size == 0.375);
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, 20).size == 0);  // more was found: the batches miss what is rare
+  CHECK(detail::left_out({4, 4, 5, 4}, 3, -20).size == 6.375);
+  CHECK(detail::left_out({-4, -4, -5, -4}, 3, -2).size == -4.375);
+  CHECK(detail::left_out({1, 1, 1, std::nan("")}, 3, 0).size == 0);
+}
+
+TEST_CASE("it is seen beyond three times the error of the answer and its own noise", "[resonance][exact]") {
+  CHECK(detail::LeftOut{15.1, 4}.is_seen(3));
+  CHECK(detail::LeftOut{-15.1, 4}.is_seen(3));
+  CHECK_FALSE(detail::LeftOut{14.9, 4}.is_seen(3));
+  CHECK_FALSE(detail::LeftOut{15.1, 4}.is_seen(std::nan("")));
+  // One batch of eight that met something is noise.
+  CHECK_FALSE(detail::left_out({0, 0, 0, 0, 0, 0, 0, 5}, 8, 0).is_seen(0));
+}
+
+TEST_CASE("a check reads the base, the last level and one between them, each once", "[resonance][exact]") {
+  CHECK(detail::levels_to_check(2, 8) == std::vector<std::int64_t>{2, 5, 8});
+  CHECK(detail::levels_to_check(2, 3) == std::vector<std::int64_t>{2, 3});
+  CHECK(detail::levels_to_check(4, 4) == std::vector<std::int64_t>{4});
+}
+
+TEST_CASE("the look-ups of the check count in the work of a result, of combs only", "[resonance][exact]") {
+  const Plan plan{.samples = 1 << 12};
+  const auto own = [](const Statistics& s) {
+    double work = 0;
+    for (const LevelRow& row : s.levels) work += static_cast<double>(row.count) * row.work;
+    return work;
+  };
+  const auto f = [](double x) { return -1 - std::sin(2 * x); };
+  const auto comb = estimate(single_term(transmitted(f)), plan);
+  CHECK(comb.pilot_work > 0);
+  CHECK(comb.pilot_work <= std::max(own(comb) / 16, 4096.0));
+  CHECK(comb.work == own(comb) + comb.pilot_work);
+  const auto jittered = estimate(single_term(function_of_jittered_integral(f, functions::Exp{})), plan);
+  CHECK(jittered.pilot_work == 0);
+  CHECK(jittered.work == own(jittered));
+}
