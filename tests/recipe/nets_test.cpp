@@ -307,10 +307,11 @@ TEST_CASE("a goal by nets is met on average over seeds, by honest errors", "[net
   double mean = 0;
   double spread = 0;
   int covered = 0;
+  int by_nets = 0;
   for (int seed = 1; seed <= seeds; ++seed) {
     const auto r =
         estimate(recipe(european, auto_points), {.seed = static_cast<std::uint64_t>(seed), .goal = {.error = error}});
-    REQUIRE(r.advice.points == Points::nets);
+    by_nets += r.advice.points == Points::nets ? 1 : 0;
     const double off = r.mean - call_price;
     squares += off * off / seeds;
     mean += off / seeds;
@@ -321,6 +322,7 @@ TEST_CASE("a goal by nets is met on average over seeds, by honest errors", "[net
   CAPTURE(std::sqrt(squares) / error, std::sqrt(spread) / error, mean / error, covered);
   CHECK(std::sqrt(squares) < 1.3 * error);  // 1.1, known to 9 %
   CHECK(std::abs(mean) < 4.5 * error / std::sqrt(seeds));
+  CHECK(by_nets >= 50);  // a pilot of bad luck sees no gain
   CHECK(covered >= 48);  // of 57 expected, with a standard deviation of 1.7
 }
 

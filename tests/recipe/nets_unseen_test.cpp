@@ -110,7 +110,8 @@ struct SlopeAtKink {
   Draw<double> operator()(std::int64_t level, Stream& rng) const {
     const double s = 0.37;
     const double u = rng.uniform();
-    const auto quotient = [&](double h) { return (std::max(u, s + h) - std::max(u, s)) / h; };
+    // (max(u, s + h) - max(u, s)) / h, without rounding: it has no horizon.
+    const auto quotient = [&](double h) { return std::clamp((s - u) / h + 1, 0.0, 1.0); };
     const double h = std::exp2(-static_cast<double>(level + 1));
     return level == 0 ? base(quotient(h), 1.0) : coupled(quotient(h), quotient(2 * h), 1.0);
   }
