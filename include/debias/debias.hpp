@@ -49,9 +49,6 @@
 #include <debias/recipe/optimal_pmf.hpp>
 #include <debias/reciprocal.hpp>
 #include <debias/sde.hpp>
-#include <debias/sde/likelihood_ratio.hpp>
-#include <debias/sde/market.hpp>
-#include <debias/sde/sensitivities.hpp>
 #include <debias/series.hpp>
 #include <debias/steady_state.hpp>
 #include <debias/survey.hpp>

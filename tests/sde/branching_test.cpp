@@ -115,7 +115,7 @@ TEST_CASE("E13: a digital call on trees keeps the laws with its declared rates, 
   CHECK(sequence_laws(euler(stock, digital, Branching{}, {2, 1.2}), {.last = 6, .rates_from = 3}) != Failures{});
 }
 
-TEST_CASE("E13: a digital call on trees is right; Euler's tree has no PMF", "[sde][statistical]") {
+TEST_CASE("E13: a digital call on trees is right, and Euler's tree has no PMF", "[sde][statistical]") {
   constexpr double truth = 53.23248154537634;
   const auto r =
       estimate(single_term(milstein(stock, digital, Branching{}), {.base_level = 3}), {.samples = 1 << 14, .seed = 13});

@@ -145,7 +145,7 @@ TEST_CASE("the slopes of a path are its difference quotients, in every parameter
   check(MilsteinStep{}, discounted(PutPayoff{90}));
 }
 
-TEST_CASE("what no mean of slopes knows does not compile; what has no PMF is refused with its rates",
+TEST_CASE("what no mean of slopes knows does not compile, and what has no PMF is refused with its rates",
           "[sde][compile]") {
   STATIC_REQUIRE_FALSE(Ordered<Dual<1>>);
   STATIC_REQUIRE(Ordered<double>);
