@@ -15,7 +15,9 @@ result holds the number that was taken, as `seed`.
 
 from __future__ import annotations
 
-from typing import Any, List
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union  # noqa: F401  annotations of classes name them
+
+import numpy as np  # noqa: F401  likewise
 
 from . import _debias
 from ._commands import advise, estimate, estimators, pmfs, problems, replay, samples, survey, tradeoff
@@ -27,6 +29,7 @@ from ._numbers import diagnose
 from ._own import levels, normal_quantile
 from ._problem import Problem
 from ._reports import Diagnosis, Interval, Report, Result, Samples
+from ._types import Array, Facts  # noqa: F401  likewise
 from ._terms import (log_determinant, log_determinant_spd, neumann, path_series, reciprocal_trials, series, solve, taylor,
                      transmittance)
 from . import chains
