@@ -66,7 +66,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     shard : (int, int), optional
         (i, n): this call draws the i-th of n parts alone; `merge` joins them.
     checkpoint : path, optional
-        A file that is kept about once a second, and taken up by the same call. A run that ended is read, not drawn.
+        A file that is kept about once a second, and taken up by the same call. A run that ended is read, not drawn. A problem is
+        known by its repr: functions of one name, or large arrays, look the same, so give problems of one file different names.
 
     Returns
     -------
