@@ -297,6 +297,21 @@ py::dict settled_of(const commands::RunRequest& now) {
   return d;
 }
 
+/// What `run` says. Its texts are made when they are asked for: each judges the run anew, which takes longer than a short run.
+struct Said {
+  commands::RunReport report;
+  py::object problem;  // that the report points at
+
+  [[nodiscard]] py::object data() const { return object_of(fields(report)); }
+  [[nodiscard]] py::tuple texts() const {
+    std::ostringstream text;  // only texts
+    std::ostringstream full;  // only texts
+    print(text, report);
+    print(full, report, true);
+    return py::make_tuple(text.str(), full.str(), commands::to_json(report));
+  }
+};
+
 /// A run that is kept: (report, its sums, what it had settled). It goes on from `earlier`; draws only shard (i, n) of its
 /// samples; calls save(sums, settled) about once a second. With `settle` it ends as soon as its pilots have, without a report.
 py::tuple run_kept(const py::object& problem, const py::dict& options, const py::object& progress,
@@ -341,7 +356,7 @@ py::tuple run_kept(const py::object& problem, const py::dict& options, const py:
     return result;
   };
   const Kept result = with_problem(problem, options, progress, request_of, draw);
-  return py::make_tuple(result.report ? py::object(as_objects(*result.report)) : py::object(py::none()),
+  return py::make_tuple(result.report ? py::cast(Said{*result.report, problem}) : py::object(py::none()),
                         result.sums ? py::cast(State{result.sums}) : py::object(py::none()),
                         result.now ? py::object(settled_of(*result.now)) : py::object(py::none()));
 }
@@ -597,6 +612,7 @@ PYBIND11_MODULE(_debias, m) {
       .def_property_readonly("last", [](const State& s) { return s.sums->last(); })
       .def_property_readonly("contiguous", [](const State& s) { return s.sums->contiguous(); })
       .def_property_readonly("blocks_in_chunk", [](const State& s) { return s.sums->chunk() / s.sums->block(); });
+  py::class_<Said>(m, "Said").def("data", &Said::data).def("texts", &Said::texts);
   m.def("run_kept", run_kept);
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
   for (const auto& [name, topic] : {std::pair("problems", commands::Topic::problems),

@@ -55,3 +55,10 @@ suffix=$(ask 'import sysconfig; print(sysconfig.get_config_var("EXT_SUFFIX"))')
 PYTHONPATH=$here/python DEBIAS_PROGRAM=$build/bin/debias DEBIAS_SAME_BITS=$build/bin/debias_same_bits \
   "$two" "$root/tests/python/debias_test.py"
 PYTHONPATH=$here/python "$two" "$root/tests/python/own_test.py"
+
+# ---- types
+if install mypy; then
+  (cd "$root" && "$two" -m mypy --strict --cache-dir "$here/mypy" src/python/debias)
+else
+  echo "numpy2.sh: without mypy"
+fi

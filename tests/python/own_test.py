@@ -35,6 +35,14 @@ def x_squared(u):
     return 1 + u[:, 0] ** 2
 
 
+def dies_once(u):
+    flag = os.environ["DEBIAS_TEST_FLAG"]
+    if not os.path.exists(flag):
+        open(flag, "w").close()
+        os._exit(1)
+    return x_squared(u)
+
+
 def normal_log_density(x):
     return -0.5 * x[:, 0] ** 2
 
@@ -384,11 +392,18 @@ class Processes(Quiet):
                 return future
 
         own = debias.function_of_mean(x_squared, "reciprocal")
+        whole = debias.estimate(own, samples=30_000).mean
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            result = debias.estimate(own, samples=30_000, executor=Losing())
-        self.assertEqual(result.mean, debias.estimate(own, samples=30_000).mean)
+            self.assertEqual(debias.estimate(own, samples=30_000, executor=Losing()).mean, whole)
         self.assertIn("worker_lost", [w.message.code for w in caught])
+        with tempfile.TemporaryDirectory() as folder:
+            os.environ["DEBIAS_TEST_FLAG"] = os.path.join(folder, "died")
+            with concurrent.futures.ProcessPoolExecutor(2) as pool, warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                dying = debias.function_of_mean(dies_once, "reciprocal")
+                self.assertEqual(debias.estimate(dying, samples=30_000, executor=pool).mean, whole)
+            self.assertIn("worker_lost", [getattr(w.message, "code", "") for w in caught])
 
     def test_joblib_and_dask(self):
         own = debias.function_of_mean(x_squared, "reciprocal")

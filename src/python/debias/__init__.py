@@ -3,9 +3,9 @@
     >>> import debias
     >>> print(debias.estimate("square-of-mean", samples=1e6, seed=7))
 
-`problems()` lists the problems with known answers; `levels`, `function_of_mean` and `function_of_integral` make one of
-your own from a NumPy function, and `debias.chains` an expectation by Markov chains. The same seed gives the same bits as the program `debias` and as C++, on any number of
-threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
+`problems()` lists the problems with known answers; `levels`, `function_of_mean`, `series` and others make one of your own from
+NumPy functions, and `debias.chains` an expectation by Markov chains. The same seed gives the same bits as the program `debias` and
+as C++, on any number of threads. Options are those of the program, by the same names: `base_level=2` is `--base-level 2`.
 
 Every `seed` is a whole number of 64 bits, 1 where it is left out. None takes a fresh one from the operating system. A
 `numpy.random.Generator` gives its next 64 bits, `integers(2**64, dtype=uint64)`, so that each call is another run; a
@@ -15,7 +15,9 @@ result holds the number that was taken, as `seed`.
 
 from __future__ import annotations
 
-from typing import Any, List
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union  # noqa: F401  annotations of classes name them
+
+import numpy as np  # noqa: F401  likewise
 
 from . import _debias
 from ._commands import advise, estimate, estimators, pmfs, problems, replay, samples, survey, tradeoff
@@ -27,6 +29,7 @@ from ._numbers import diagnose
 from ._own import levels, normal_quantile
 from ._problem import Problem
 from ._reports import Diagnosis, Interval, Report, Result, Samples
+from ._types import Array, Facts  # noqa: F401  likewise
 from ._terms import (log_determinant, log_determinant_spd, neumann, path_series, reciprocal_trials, series, solve, taylor,
                      transmittance)
 from . import chains

@@ -62,11 +62,12 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
         Splits the samples over its workers: of concurrent.futures, a client of dask.distributed, joblib.Parallel(...), or one of
         mpi4py.futures. The bits are those of one process; a shard whose worker is lost runs again. The problem is pickled.
     shards : int, optional
-        Parts for an executor; four a worker.
+        Parts for an executor; two a worker.
     shard : (int, int), optional
         (i, n): this call draws the i-th of n parts alone; `merge` joins them.
     checkpoint : path, optional
-        A file that is kept about once a second, and taken up by the same call. A run that ended is read, not drawn.
+        A file that is kept about once a second, and taken up by the same call. A run that ended is read, not drawn. A problem is
+        known by its repr: functions of one name, or large arrays, look the same, so give problems of one file different names.
 
     Returns
     -------

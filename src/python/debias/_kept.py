@@ -24,7 +24,7 @@ def _name(problem: Union[str, Problem]) -> str:
 def _run(problem: Union[str, Problem], options: Options, progress: Any = None, earlier: Any = None,
          shard: Optional[Tuple[int, int]] = None, save: Optional[Callable[[Any, Options], Any]] = None) -> Result:
     report, state, settled = _debias.run_kept(_inner(problem), options, progress, earlier, shard, save, False)
-    result = Result(*report)
+    result = Result._of(report)
     result._kept(problem, state, settled, shard)
     return result
 
@@ -40,7 +40,7 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
     try:
         report, state, settled = _debias.run_kept(inner, options, progress, None, None, None, True)
         if report is not None:
-            result = Result(*report)
+            result = Result._of(report)
             result._kept(problem, state, settled, None)
             return result
     except ValueError as e:  # so many samples cannot be drawn, perhaps: fewer may
@@ -263,13 +263,13 @@ def _distributed(problem: Union[str, Problem], options: Options, executor: Any, 
     if goal or options.get("estimator") == "recipe":
         report, pilot, settled = _debias.run_kept(_inner(problem), {**options, "threads": threads}, progress, None, None, None, True)
         if report is not None:  # it was short
-            result = Result(*report)
+            result = Result._of(report)
             result._kept(problem, pilot, settled, None)
             return result, []
         options = settled
     samples = int(float(options.get("samples", 1e6)))
     chunk = 512 * int(options.get("block", 1))
-    count = min(shards or 4 * _workers(executor), max(1, samples // (4 * chunk)))
+    count = min(shards or 2 * _workers(executor), max(1, samples // (4 * chunk)))
     options = {**options, "samples": samples}
     each = {**options, "threads": threads or 1}
     open_shards = [(i, count) for i in range(1, count + 1)]

@@ -58,17 +58,24 @@ class Report:
     """
 
     def __init__(self, text: str, full_text: str, json_text: str, data: Dict[str, Any]):
-        self._text = text
-        self._full = full_text
-        self._json = json_text
+        self._texts: Optional[Tuple[str, str, str]] = (text, full_text, json_text)
+        self._said: Any = None
         self._data = data
 
+    def _three(self) -> Tuple[str, str, str]:
+        """The brief text, the full one and the JSON, made when they are asked for first."""
+        if self._texts is None:
+            self._texts = self._said.texts()
+            self._said = None
+        assert self._texts is not None
+        return self._texts
+
     def __str__(self) -> str:
-        return self._text.rstrip("\n")
+        return self._three()[0].rstrip("\n")
 
     def full(self) -> str:
         """The whole text, as `--full` of the program: levels, tails, largest values, reasons."""
-        return self._full.rstrip("\n")
+        return self._three()[1].rstrip("\n")
 
     def __repr__(self) -> str:
         return f"<debias.{type(self).__name__}: {self._data.get('problem') or self._data.get('file')}>"
@@ -85,7 +92,7 @@ class Report:
         return self.__reduce__()
 
     def __reduce__(self) -> Tuple[Any, ...]:
-        return type(self), (self._text, self._full, self._json, self._data)
+        return type(self), (*self._three(), self._data)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -100,7 +107,7 @@ class Report:
         -------
         str
         """
-        return self._json
+        return self._three()[2]
 
     def to_frame(self) -> Any:
         """`levels` as a `pandas.DataFrame`, indexed by the level.
@@ -164,6 +171,12 @@ class Result(Report):
     _state: Any = None  # its sums
     _settled: Dict[str, Any] = {}  # arguments that draw the same samples without a pilot
     _shard: Optional[Tuple[int, int]] = None
+
+    @classmethod
+    def _of(cls, said: Any) -> "Result":
+        result = cls("", "", "", said.data())
+        result._texts, result._said = None, said
+        return result
 
     def _kept(self, problem: Any, state: Any, settled: Dict[str, Any], shard: Optional[Tuple[int, int]]) -> None:
         self._problem, self._state, self._settled, self._shard = problem, state, settled, shard

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Union
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ._commands import estimate
+from . import _commands
 from ._errors import DebiasWarning
 from ._numbers import _numbers, diagnose
 from ._problem import Problem
@@ -66,12 +66,14 @@ def running_mean(values: Any, *, truth: Optional[float] = None, label: Optional[
     return _finish(ax, title, "samples", "mean")
 
 
-def survey(report: Report, *, axes: Any = None) -> Any:
-    """Four panels over the levels of a survey: variance, mean, kurtosis, and consistency of the coupling.
+def survey(report: Union[str, Problem, Report], *, axes: Any = None) -> Any:
+    """Four panels over the levels of a survey, or of a problem that is surveyed here: variance, mean, kurtosis, and consistency of the coupling.
 
     Open markers are levels that did not take part in the fit; dashed lines fall as fast as the fitted rates. The band is
     one standard deviation of what the evidence believes of E D_k^2, at levels seen and beyond them.
     """
+    if not isinstance(report, Report):
+        report = _commands.survey(report)
     if axes is None:
         axes = plt.subplots(2, 2, figsize=(8.5, 6.5), layout="constrained")[1]
     flat = np.ravel(axes)
@@ -135,8 +137,11 @@ def survey(report: Report, *, axes: Any = None) -> Any:
     return axes
 
 
-def tradeoff(report: Report, *, ax: Any = None) -> Any:
-    """Variance x work against the exponent of the PMF, with the regions where one of them is infinite."""
+def tradeoff(report: Union[str, Problem, Report], *, ax: Any = None) -> Any:
+    """Variance x work against the exponent of the PMF, with the regions where one of them is infinite: of a report, or of a problem
+    that is swept here."""
+    if not isinstance(report, Report):
+        report = _commands.tradeoff(report)
     points = report["points"]
     ax = _ax(ax)
     x = np.array([p["exponent"] for p in points], dtype=float)
@@ -239,7 +244,7 @@ def _runs_of(problem: Union[str, Problem], samples: Sequence[int], seed: int) ->
     ways = ["recipe"] if isinstance(problem, Problem) and not problem.declares_rates else ["single_term", "recipe"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DebiasWarning)
-        return {way: [estimate(problem, samples=n, seed=seed, estimator=way) for n in samples] for way in ways}
+        return {way: [_commands.estimate(problem, samples=n, seed=seed, estimator=way) for n in samples] for way in ways}
 
 
 def tail(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:

@@ -21,6 +21,12 @@ drawn, as far as NumPy gives a row the same numbers in another block (matrix pro
 
 from __future__ import annotations
 
+from typing import Any, Callable, Dict, Optional, Sequence, Tuple  # noqa: F401  annotations of classes name them
+
+import numpy as np  # noqa: F401  likewise
+
+from .._options import Seed  # noqa: F401  likewise
+from .._types import Array, Facts  # noqa: F401  likewise
 from ._advice import ChainAdvice, CouplingCheck, advise, check_coupling
 from ._coupled import CoupledChain, coupled_chain, meeting_times
 from ._kernels import Kernel, hamiltonian, kernel, mala, mixture, random_walk
