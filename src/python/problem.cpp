@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
@@ -193,13 +195,18 @@ NamedFunction function_of(const std::string& text) {
                               suggestion(name, names) + ". For another one write the levels yourself");
 }
 
-/// An integrand that Python evaluates: at a number, or at a draw from the unit cube.
+/// An integrand that Python evaluates: at a number, at the coordinates of a point, or at a draw from the unit cube.
 struct Integrand {
   std::shared_ptr<Lookups> lookups;
 
   double operator()(double x) const {
     if (!lookups->collecting()) return lookups->next(0).front();
     lookups->ask(0).front() = x;
+    return 0;
+  }
+  double operator()(std::span<const double> x) const {
+    if (!lookups->collecting()) return lookups->next(0).front();
+    std::copy(x.begin(), x.end(), lookups->ask(0).begin());
     return 0;
   }
   double operator()(Stream& rng) const {
@@ -256,9 +263,14 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
     known.rates = or_default(facts.rates, JitteredOptions{}.rates);
     return make(function_of_jittered_integral(f, function, {from, to, known.rates}));
   }
-  constexpr std::array<std::string_view, 3> names = {"independent", "comb", "jittered"};
+  if (points == "nets") {
+    auto sequence = function_of_integral(f, Cube(static_cast<std::int64_t>(lookups->size(0).width)), function);
+    sequence.rates = known.rates = or_default(facts.rates, sequence.rates);
+    return make(std::move(sequence));
+  }
+  constexpr std::array<std::string_view, 4> names = {"independent", "comb", "jittered", "nets"};
   if (points != names[0]) {
-    throw std::invalid_argument("points = '" + points + "' (must be independent, comb or jittered)" +
+    throw std::invalid_argument("points = '" + points + "' (must be independent, comb, jittered or nets)" +
                                 suggestion(points, names));
   }
   known.rates = or_default(facts.rates, {2, 1});

@@ -704,19 +704,26 @@ def function_of_mean(integrand: Callable[[np.ndarray], Any], g: str, *, dimensio
 
 
 def function_of_integral(integrand: Callable[[np.ndarray], Any], g: str, *, interval: Sequence[float] = (0.0, 1.0),
-                         points: str = "comb", rates: Optional[Sequence[float]] = None, lowest_base: int = 0,
-                         truth: Optional[float] = None, name: str = "function of an integral",
+                         dimension: int = 1, points: Optional[str] = None, rates: Optional[Sequence[float]] = None,
+                         lowest_base: int = 0, truth: Optional[float] = None, name: str = "function of an integral",
                          formula: str = "") -> Problem:
-    """g(integral of the integrand over an interval): integrand(x) sees an array (n, 1) and returns (n,).
+    """g(integral of the integrand over an interval, or over the unit cube of so many dimensions): integrand(x) sees an
+    array (n, dimension) and returns (n,).
 
-    points="comb" takes equidistant ones with one random offset, "jittered" one in each part, for integrands that do
-    not continue periodically.
+    points="comb" takes equidistant ones with one random offset (the default in one dimension), "jittered" one in each
+    part, for integrands that do not continue periodically, "nets" scrambled nets in the cube (the default in more).
     """
     try:
         low, high = interval
     except (TypeError, ValueError):
         raise TypeError(f"interval: {interval!r} (must be (from, to))") from None
-    return _mean(integrand, g, points, 1, float(low), float(high),
+    d = _whole("dimension", dimension, 1)
+    points = points or ("comb" if d == 1 else "nets")
+    if points == "nets" and (low, high) != (0, 1):
+        raise ValueError(f"interval = {interval!r} (nets are in the unit cube); scale x in the integrand")
+    if points in ("comb", "jittered") and d > 1:
+        raise ValueError(f"points = {points!r} (one-dimensional, dimension = {d}); take nets")
+    return _mean(integrand, g, points, d, float(low), float(high),
                  _facts(name, formula, truth, rates, False, lowest_base))
 
 
