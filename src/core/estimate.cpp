@@ -556,9 +556,8 @@ Statistics merge(const Statistics& a, const Statistics& b) {
   add_warnings(statistics);
   // What was found with points that no state keeps.
   for (const Statistics* part : {&a, &b}) {
-    const auto found = std::find_if(part->warnings.begin(), part->warnings.end(), [](const Warning& w) {
-      return w.code == WarningCode::aliased_differences;
-    });
+    const auto found = std::find_if(part->warnings.begin(), part->warnings.end(),
+                                    [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
     if (found == part->warnings.end()) continue;
     statistics.warnings.push_back(*found);
     break;

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <exception>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
@@ -323,13 +325,18 @@ class TermLevels : public Source<double> {
 
 // ---- functions of a mean
 
-/// An integrand that Python evaluates at a number.
+/// An integrand that Python evaluates: at a number, or at the coordinates of a point.
 struct Integrand {
   std::shared_ptr<Lookups> lookups;
 
   double operator()(double x) const {
     if (!lookups->collecting()) return lookups->next(0).front();
     lookups->ask(0).front() = x;
+    return 0;
+  }
+  double operator()(std::span<const double> x) const {
+    if (!lookups->collecting()) return lookups->next(0).front();
+    std::copy(x.begin(), x.end(), lookups->ask(0).begin());
     return 0;
   }
 };
@@ -445,9 +452,14 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
     known.rates = or_default(facts.rates, JitteredOptions{}.rates);
     return make(function_of_jittered_integral(f, function, {from, to, known.rates}), std::false_type{});
   }
-  constexpr std::array<std::string_view, 3> names = {"independent", "comb", "jittered"};
+  if (points == "nets") {
+    auto sequence = function_of_integral(f, Cube(static_cast<std::int64_t>(lookups->size(0).width)), function);
+    sequence.rates = known.rates = or_default(facts.rates, sequence.rates);
+    return make(std::move(sequence), std::false_type{});
+  }
+  constexpr std::array<std::string_view, 4> names = {"independent", "comb", "jittered", "nets"};
   if (points != names[0]) {
-    throw std::invalid_argument("points = '" + points + "' (must be independent, comb or jittered)" +
+    throw std::invalid_argument("points = '" + points + "' (must be independent, comb, jittered or nets)" +
                                 suggestion(points, names));
   }
   known.rates = or_default(facts.rates, {2, 1});

@@ -154,6 +154,27 @@ class SameBits(unittest.TestCase):
                 self.assertEqual(got + [r.work], expected[name])
         self.assertEqual(debias.replay(SCALAR, 12345, seed=11, pmf=PMF)["value"], expected["sample"][0])
 
+    @ignoring_doubts
+    def test_integrals_over_a_cube_are_on_nets(self):
+        def f(x):  # log of its integral over the cube: 3 log(e - 1)
+            return np.exp(x.sum(axis=1))
+
+        plan = {"samples": 4096, "seed": 22, "base_level": 4}
+        nets = debias.estimate(debias.function_of_integral(f, "log", dimension=3), **plan)
+        draws = debias.estimate(debias.function_of_mean(f, "log", dimension=3), **plan)
+        truth = 3 * np.log(np.e - 1)
+        self.assertLess(abs(nets.mean - truth), 4.5 * nets.standard_error)
+        self.assertGreater(abs(nets.mean - 1.01 * truth), 4.5 * nets.standard_error)
+        self.assertLess(2 * nets.standard_error, draws.standard_error)
+
+    @ignoring_doubts
+    def test_an_integrand_in_step_with_a_comb_is_warned_of(self):
+        own = debias.function_of_integral(lambda x: 2 + 1.9 * np.cos(2 * np.pi * 1024 * x[:, 0]), "exp-minus")
+        for options in ({}, {"block": 64}, {"estimator": "independent_sum"}, {"estimator": "recipe"}):
+            with self.subTest(**options):
+                r = debias.estimate(own, samples=1 << 13, seed=1, **options)
+                self.assertIn("aliased_differences", [w.code for w in r.warnings])
+
     def test_samples_are_members_and_blocks_stand_beside_them(self):
         for problem in ("A10", SCALAR):
             result = debias.estimate(problem, samples=10_000, seed=4, pmf=PMF, block=64)
@@ -935,6 +956,8 @@ class BadInput(unittest.TestCase):
         self.raises(TypeError, "differences: str", run, "f")
         self.raises(ValueError, "points", debias.function_of_integral, square, "log", points="combs")
         self.raises(TypeError, "interval: 3", debias.function_of_integral, square, "log", interval=3)
+        self.raises(ValueError, "one-dimensional", debias.function_of_integral, square, "log", dimension=2, points="comb")
+        self.raises(ValueError, "unit cube", debias.function_of_integral, square, "log", dimension=2, interval=(0, 2))
         unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
         self.raises(ValueError, "pmf: none", debias.samples, unrated, 10)
         self.raises(ValueError, "pmf: none", debias.estimate, unrated, estimator="independent_sum")

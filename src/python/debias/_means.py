@@ -150,22 +150,26 @@ def function_of_mean(integrand: Callable[[Array], Any], g: Union[str, Function],
 
 @_maker
 def function_of_integral(integrand: Callable[[Array], Any], g: str, *, interval: Sequence[float] = (0.0, 1.0),
-                         points: str = "comb", rates: Optional[Sequence[float]] = None, lowest_base: int = 0,
-                         truth: Optional[float] = None, name: str = "function of an integral",
+                         dimension: int = 1, points: Optional[str] = None, rates: Optional[Sequence[float]] = None,
+                         lowest_base: int = 0, truth: Optional[float] = None, name: str = "function of an integral",
                          formula: str = "") -> Problem:
-    """g(integral of the integrand over an interval). Level k takes 2^k points.
+    """g(integral of the integrand over an interval, or over the unit cube). Level k takes 2^k points.
 
     Parameters
     ----------
     integrand : callable
-        Of an array (n, 1); returns (n,). Or a compiled function, as of `function_of_mean`.
+        Of an array (n, dimension); returns (n,). Or in one dimension a compiled function, as of `function_of_mean`.
     g : str
         As of `function_of_mean`.
     interval : (float, float)
-    points : {"comb", "jittered"}
-        Equidistant ones with one random offset, or one in each part, for integrands that do not continue periodically.
+        In one dimension.
+    dimension : int
+        Of the unit cube.
+    points : {"comb", "jittered", "nets"}, optional
+        Equidistant ones with one random offset (in one dimension), one in each part, for integrands that do not continue
+        periodically, or scrambled nets in the cube (in more).
     rates, lowest_base, truth, name, formula
-        As of `function_of_mean`; rates are (4, 1) for a comb and (6, 1) for jittered points.
+        As of `function_of_mean`; rates are (4, 1) for a comb and (6, 1) for jittered points, of nets by the dimension.
 
     Returns
     -------
@@ -185,12 +189,18 @@ def function_of_integral(integrand: Callable[[Array], Any], g: str, *, interval:
         raise TypeError(f"interval: {interval!r} (must be (from, to))") from None
     if not isinstance(g, str):
         raise TypeError(f"g: {type(g).__name__} (must be the name of a function)")
+    d = _whole("dimension", dimension, 1)
+    points = points or ("comb" if d == 1 else "nets")
+    if points == "nets" and (low, high) != (0, 1):
+        raise ValueError(f"interval = {interval!r} (nets are in the unit cube); scale x in the integrand")
+    if points in ("comb", "jittered") and d > 1:
+        raise ValueError(f"points = {points!r} (one-dimensional, dimension = {d}); take nets")
     facts = _facts(name, formula, truth, rates, False, lowest_base)
     compiled = _compiled._integrand(integrand)
     if compiled is not None:
         return Problem(_debias.compiled_mean(facts, compiled.address, compiled.user, 1, g, points, float(low), float(high)))
     _function("integrand", integrand, "an array")
-    return _named_mean(integrand, g, points, 1, float(low), float(high), facts)
+    return _named_mean(integrand, g, points, d, float(low), float(high), facts)
 
 
 def _named_mean(integrand: Any, g: str, points: str, dimension: int, low: float, high: float, facts: Facts) -> Problem:
