@@ -8,7 +8,8 @@ here=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
 no_callable='
  values:      as_scalar component component_count difference epsilon_of gradient_covariance has_nan is_finite lopsided nan_like scaled
               set_component sum zero_like
- streams:     fill instructions normal_quantile normal_quantiles search_tails split split_level exp expm1 log log1p sin
+ streams:     fill instructions normal_quantile normal_quantiles normal_density normal_distribution search_tails split split_level exp expm1 log log1p sin
+ duals:       abs cos max min positive_part pow smoothness_of sqrt tanh
  nets:        net_bits net_bits_of_pair net_uniforms point_key
  numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws geometric_terms
               poisson_quantile polynomial_terms power_law
@@ -21,7 +22,7 @@ no_callable='
               meeting_tail net_blocks part_in_variance print_full print_terms row_of slow_terms together upper weigh
  files:       read_run save_run
  what hands an estimator or a sequence on as it is:
-              deepest_level_of facts_of named with_deepest_level
+              component_of covariance deepest_level_of facts_of greeks named with_covariance with_deepest_level
  what the estimators are made of, and runs of erased levels, by way of recipe, survey and multilevel:
               advise description difference_of estimator_of level_runs ranks_of survey_level survey_within
               term_moments value_of

@@ -7,6 +7,7 @@
 #include <debias/core/no_pmf.hpp>
 #include <debias/covariance.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/sde/greeks.hpp>
 #include <debias/sde/likelihood_ratio.hpp>
 
 #include "catch_shim.hpp"
@@ -201,6 +202,26 @@ TEST_CASE("the covariance of a run is that of its samples", "[sde][exact]") {
   }
   const double expected = (cross / 1000 - sum[0] * sum[1] / 1e6) / 999;
   CHECK(covariance(r)[0][1] == Approx(expected).epsilon(1e-6));
+}
+
+TEST_CASE("the Greeks are the sensitivities by their names", "[sde][exact]") {
+  const auto named = greeks(Tree{}, BlackScholes<>{.start = 100, .rate = 0.05, .volatility = 0.2}, call);
+  const auto slopes = sensitivities(Tree{}, market, call, 100.0, 0.2, 0.05, 1.0);
+  for (const std::int64_t k : {0, 3}) {
+    Stream one(1, 2);
+    Stream two(one);
+    Stream three(one);
+    const Draw<Greeks> a = named(k, one);
+    const auto b = slopes(k, two);
+    CHECK(a.value.value == b.value.value);
+    CHECK(a.difference.delta == b.difference.slopes[0]);
+    CHECK(a.difference.vega == b.difference.slopes[1]);
+    CHECK(a.difference.rho == b.difference.slopes[2]);
+    CHECK(a.difference.theta == -b.difference.slopes[3]);
+    CHECK(named.value_at(k, three).value.theta == a.value.theta);
+    CHECK(debias::sum(a.value, a.difference).rho == a.value.rho + a.difference.rho);
+    CHECK(scaled(a.value, 2).vega == 2 * a.value.vega);
+  }
 }
 
 TEST_CASE("E16: the delta of a digital and the gamma of a call, by branching and the conditional last step",

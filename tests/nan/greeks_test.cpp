@@ -1,0 +1,43 @@
+// NaN and infinity from the payoffs and models of sensitivities.
+
+#include "faults.hpp"
+
+#include <debias/sde/likelihood_ratio.hpp>
+#include <debias/sde/market.hpp>
+#include <debias/sde/sensitivities.hpp>
+
+using namespace debias;
+using namespace debias::faults;
+
+namespace {
+
+// A payoff that is not finite now and then, also as an expectation.
+struct BadPayoff {
+  double operator()(double x) const { return bad(x); }
+  template <class X>
+  X operator()(const X& x) const {
+    return x * bad(1);
+  }
+  template <class X>
+  X expected(const X& mean, const X& /*deviation*/) const {
+    return mean * bad(1);
+  }
+  template <class X>
+  X lognormal(const X& forward, const X& /*deviation*/) const {
+    return forward * bad(1);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("no sensitivity hides a NaN or an infinity of its payoff", "[nan][exact]") {
+  const auto model = []<class X>(const X& spot) { return BlackScholes<X>{.start = spot, .volatility = X(0.2)}; };
+  using Tree = Branched<Smoothed<MilsteinStep>>;
+  check_sequence("sensitivities", "payoff", sensitivities(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0));
+  check_sequence("sensitivities", "expected", sensitivities(Tree{}, model, BadPayoff{}, 1.0));
+  check_sequence("second_sensitivities", "expected", second_sensitivities(Tree{}, model, BadPayoff{}, 1.0));
+  check_sequence("discounted", "expected", sensitivities(Tree{}, model, discounted(BadPayoff{}), 1.0));
+  check_sequence("likelihood_ratio", "payoff", likelihood_ratio(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0));
+  check_sequence("own_steps", "payoff", own_steps(CoxIngersollRoss<>{}, BadPayoff{}));
+  check_sequence("heston", "lognormal", heston(Heston<>{}, BadPayoff{}));
+}
