@@ -198,7 +198,7 @@ class CoupledChain {
     const auto move_x = [&] {
       kernel_.step(x, rng);
       ++t;
-      if constexpr (!detail::ChecksPoints<K>) finite = finite && detail::finite_point(point(x));
+      if constexpr (!detail::ChecksItsPoints<K>) finite = finite && detail::finite_point(point(x));
       if (t >= k && t <= m) average.add(observed(x));
     };
     for (std::int64_t i = 0; i < lag; ++i) move_x();
@@ -223,7 +223,7 @@ class CoupledChain {
       }
       kernel_.coupled_step(x, y, rng);
       ++t;
-      if constexpr (!detail::ChecksPoints<K>) {
+      if constexpr (!detail::ChecksItsPoints<K>) {
         finite = finite && detail::finite_point(point(x)) && detail::finite_point(point(y));
       }
       met = detail::same_point(point(x), point(y));

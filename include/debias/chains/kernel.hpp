@@ -116,7 +116,7 @@ bool finite_point(const P& x) {
 }
 
 template <class K>
-concept ChecksPoints = requires {
+concept ChecksItsPoints = requires {
   requires K::checks_points;
 };
 

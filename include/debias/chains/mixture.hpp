@@ -27,7 +27,7 @@ void accumulate_weights(std::span<double> weights);
 template <class... K>
 class Mixture {
  public:
-  static constexpr bool checks_points = (detail::ChecksPoints<K> && ...);
+  static constexpr bool checks_points = (detail::ChecksItsPoints<K> && ...);
 
   template <class Point>
   struct State {
