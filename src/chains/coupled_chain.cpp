@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -61,10 +62,14 @@ BiasBound bound_of_cut(const LevelTable& levels, std::int64_t limit) {
   const std::int64_t all = levels.base().count;
   if (cut == 0 || all == 0) return {};
   const auto n = static_cast<double>(cut);
+  const std::string text = "truncated: " + std::to_string(cut) + " of " + std::to_string(all) +
+                           " chains had not met at the limit of " + std::to_string(limit) + " steps and were cut; ";
+  if (2 * cut > all) {
+    return {std::numeric_limits<double>::infinity(),
+            text + "most of them, so that nothing says how much they left out; take a larger limit."};
+  }
   return {n / static_cast<double>(all) * std::sqrt(squares / n),
-          "truncated: " + std::to_string(cut) + " of " + std::to_string(all) + " chains had not met at the limit of " +
-              std::to_string(limit) +
-              " steps and were cut; holds if what they left out is no more than what they had by then."};
+          text + "holds if what they left out is no more than what they had by then."};
 }
 
 }  // namespace debias::detail
