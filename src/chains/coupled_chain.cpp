@@ -64,9 +64,9 @@ BiasBound bound_of_cut(const LevelTable& levels, std::int64_t limit) {
   const auto n = static_cast<double>(cut);
   const std::string text = "truncated: " + std::to_string(cut) + " of " + std::to_string(all) +
                            " chains had not met at the limit of " + std::to_string(limit) + " steps and were cut; ";
-  if (2 * cut > all) {
+  if (8 * cut > all) {  // the longest waits are then no exception
     return {std::numeric_limits<double>::infinity(),
-            text + "most of them, so that nothing says how much they left out; take a larger limit."};
+            text + "more than an eighth, so that nothing says how much they left out; take a larger limit."};
   }
   return {n / static_cast<double>(all) * std::sqrt(squares / n),
           text + "holds if what they left out is no more than what they had by then."};
