@@ -101,7 +101,7 @@ check "two wishes" refused_by 2 "leave one out" resume t --samples 5000 --error 
 without_recipe() { sed -E '/^  "recipe": \{/,/^  \}/d; /^  "recipe": null/d'; }
 word() { grep -a "^$1=" "$2" | cut -d= -f2-; }
 chosen() {
-  shape="--estimator $(word estimator "$1") --pmf $(word pmf "$1") --base-level $(word base_level "$1") --block $(word block "$1")"
+  shape="--estimator $(word estimator "$1") --pmf $(word pmf "$1") --base-level $(word base_level "$1") --block $(word block "$1") --points $(word points "$1")"
 }
 recipe=$(answer run A03 --estimator recipe --samples 2e5)
 check "a recipe says the same with a checkpoint" same "$(answer run A03 --estimator recipe --samples 2e5 --checkpoint r)" "$recipe"

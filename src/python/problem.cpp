@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include <debias/derivative/bias.hpp>
+#include <debias/derivative.hpp>
 #include <debias/estimators/roulette.hpp>
 #include <debias/function_of_mean.hpp>
 #include <Eigen/Core>
@@ -115,12 +115,16 @@ class Source {
                                              Stream& /*rng*/) const {
     throw std::logic_error("shared: not by these levels");
   }
+  /// Only of sources whose points may be in step with the integrand.
+  [[nodiscard]] virtual V missed(std::int64_t /*level*/, std::int64_t /*draws*/, Stream& /*rng*/) const {
+    throw std::logic_error("missed: not by these levels");
+  }
   [[nodiscard]] virtual std::int64_t deepest_level() const = 0;
   [[nodiscard]] virtual SequenceFacts facts() const { return {}; }
   [[nodiscard]] virtual BiasBound bias_bound(const LevelTable& /*levels*/) const { return {}; }
 };
 
-template <Value V, bool shares>
+template <Value V, bool shares, bool checks_points = false>
 class Erased {
  public:
   explicit Erased(std::shared_ptr<const Source<V>> source)
@@ -147,6 +151,9 @@ class Erased {
   }
   SharedDraw<V> shared(std::int64_t level, std::int64_t base_level, Stream& rng) const requires(shares) {
     return source_->shared(level, base_level, rng);
+  }
+  [[nodiscard]] V missed(std::int64_t level, std::int64_t draws, Stream& rng) const requires(checks_points) {
+    return source_->missed(level, draws, rng);
   }
 
   [[noreturn]] static void refuse_value(std::int64_t level) {
@@ -377,6 +384,10 @@ class Means : public Source<double> {
     if (asks(level, rng)) return {0, 0, 1};
     return sequence_.shared(level, base_level, rng);
   }
+  [[nodiscard]] double missed(std::int64_t level, std::int64_t draws, Stream& rng) const override {
+    if constexpr (ChecksPoints<D>) return sequence_.missed(level, draws, rng);
+    return Source<double>::missed(level, draws, rng);
+  }
 
  private:
   bool asks(std::int64_t level, Stream& rng) const {
@@ -441,8 +452,9 @@ UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, c
   Facts known = facts;
   const auto make = [&]<bool independent>(auto sequence, std::bool_constant<independent>) {
     using D = decltype(sequence);
-    return make_problem(known, Erased<double, true>(std::make_shared<Means<D, independent>>(lookups, sequence)),
-                        lookups);
+    return make_problem(
+        known, Erased<double, true, ChecksPoints<D>>(std::make_shared<Means<D, independent>>(lookups, sequence)),
+        lookups);
   };
   if (points == "comb") {
     known.rates = or_default(facts.rates, IntegralOptions{}.rates);

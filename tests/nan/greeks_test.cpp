@@ -34,14 +34,13 @@ TEST_CASE("no sensitivity hides a NaN or an infinity of its payoff", "[nan][exac
   const auto model = []<class X>(const X& spot) { return BlackScholes<X>{.start = spot, .volatility = X(0.2)}; };
   using Tree = Branched<Smoothed<MilsteinStep>>;
   // By one estimator: batches and shared bases are those of sde.hpp, whose own test has them all.
-  const auto check_draws = [](const char* factory, const char* callable, const auto& sequence) {
-    check(factory, callable, single_term(sequence, Geometric(0.6)));
-  };
-  check_draws("sensitivities", "payoff", sensitivities(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0));
-  check_draws("sensitivities", "expected", sensitivities(Tree{}, model, BadPayoff{}, 1.0));
-  check_draws("second_sensitivities", "expected", second_sensitivities(Tree{}, model, BadPayoff{}, 1.0));
-  check_draws("discounted", "expected", sensitivities(Tree{}, model, discounted(BadPayoff{}), 1.0));
-  check_draws("likelihood_ratio", "payoff", likelihood_ratio(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0));
-  check_draws("own_steps", "payoff", own_steps(CoxIngersollRoss<>{}, BadPayoff{}));
-  check_draws("heston", "lognormal", heston(Heston<>{}, BadPayoff{}));
+  const auto draws = [](const auto& sequence) { return single_term(sequence, Geometric(0.6)); };
+  using Tree = Branched<Smoothed<MilsteinStep>>;
+  check("sensitivities", "payoff", draws(sensitivities(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0)));
+  check("sensitivities", "expected", draws(sensitivities(Tree{}, model, BadPayoff{}, 1.0)));
+  check("second_sensitivities", "expected", draws(second_sensitivities(Tree{}, model, BadPayoff{}, 1.0)));
+  check("discounted", "expected", draws(sensitivities(Tree{}, model, discounted(BadPayoff{}), 1.0)));
+  check("likelihood_ratio", "payoff", draws(likelihood_ratio(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0)));
+  check("own_steps", "payoff", draws(own_steps(CoxIngersollRoss<>{}, BadPayoff{})));
+  check("heston", "lognormal", draws(heston(Heston<>{}, BadPayoff{})));
 }

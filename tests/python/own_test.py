@@ -323,7 +323,7 @@ class Kept(Quiet):
                 if file.exists():
                     raise Stop
 
-            options = {"samples": 3_000_000, "seed": 9}
+            options = {"samples": 40_000_000, "seed": 9}  # some seconds: a checkpoint is written about once a second
             with self.assertRaises(Stop):
                 debias.estimate("A10", checkpoint=file, progress=stop, **options)
             resumed = debias.estimate("A10", checkpoint=file, **options)

@@ -90,8 +90,8 @@ constexpr bool sees_every_derivative = Step::is_smoothed || smoothness_of<P>() >
 
 /// Value and first derivatives of E payoff(X_T) at `parameters`, a Dual: `mean.value`, `mean.slopes[i]`.
 ///
-///   const auto model = []<class X>(const X& spot, const X& volatility) {
-///     return BlackScholes<X>{.start = spot, .rate = 0.05, .volatility = volatility};
+///   const auto model = [](const auto& spot, const auto& volatility) {
+///     return BlackScholes<std::remove_cvref_t<decltype(spot)>>{.start = spot, .rate = 0.05, .volatility = volatility};
 ///   };
 ///   sensitivities(Branched<Smoothed<MilsteinStep>>{}, model, discounted(CallPayoff{100}), 100.0, 0.2)
 ///
