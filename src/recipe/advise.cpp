@@ -31,7 +31,7 @@ constexpr double most_growth = 16;            // of a pilot over the one before
 constexpr int most_stages = 12;
 constexpr double pilot_share = 1.0 / 32;       // of the work of the run
 constexpr double final_share = 1.0 / 8;        // of that, at most, for drawing again what the choice is made of
-constexpr double worthwhile_share = 0.5;       // of the work of plain numbers: a smaller gain may be noise of 12 nets
+constexpr double worthwhile_share = 0.75;      // of the work of plain numbers: less may be the noise of the pilot
 constexpr double first_nets_draws = 1 << 13;   // of the lowest level, in work
 constexpr double first_nets_share = 1.0 / 20;  // at most, of the run of plain numbers: so much they may cost in vain
 constexpr double short_pilot_draws = 2e4;      // of both kinds, in work of the lowest level
@@ -282,7 +282,8 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
   } else if (!why_plain.empty()) {
     advice.why_points = why_plain;
   } else if (found) {
-    advice.why_points = "nets would take " + format("%.2g", found->share) + " of the work, half is the least gain";
+    advice.why_points =
+        "nets would take " + format("%.2g", found->share) + " of the work, a quarter less is the least gain";
   } else {
     advice.why_points =
         nets_budget > 0 ? nets.why() : "no nets were measured: the run is short, or its levels are not known";
