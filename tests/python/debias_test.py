@@ -144,7 +144,7 @@ class SameBits(unittest.TestCase):
                 "mean": (mean, {**plan, "pmf": PMF}),
                 "comb": (comb, {**plan, "pmf": "geometric:r=0.8"}),
                 "jittered": (jittered, {**plan, "pmf": "geometric:r=0.8"}),
-                "recipe": (SCALAR, {**plan, "estimator": "recipe", "points": "plain"})}
+                "recipe": (SCALAR, {**plan, "estimator": "recipe"})}
         self.assertEqual(set(runs) | {"sample"}, set(expected))
         for name, (problem, options) in runs.items():
             with self.subTest(name), warnings.catch_warnings():
