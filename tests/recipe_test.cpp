@@ -514,7 +514,7 @@ TEST_CASE("no goal ends a recipe with a handful of samples", "[recipe][stat]") {
 }
 
 TEST_CASE("options by recipe without nets take at most 0.1 (European) and 0.35 of the work of multilevel",
-          "[recipe][statistical][stat][!mayfail]") {
+          "[recipe][statistical][.long][!mayfail]") {
   // Not met: one seed of the European call predicts .519 of what its run has, .6 is asked for. The work and the goals hold.
   const auto check = [](const char* id, double error, double bound) {
     const catalog::Problem& p = catalog::find(id);
