@@ -3,9 +3,10 @@
 // The pilot's nets: V_k(N) of some levels, and the blocks that they ask for.
 //
 // R = 12 nets a level, each level about the same work, give V_k(2^j) for every j at once (survey/levels.hpp). Deeper levels fall
-// from the last measured one as the posterior says. A run has 32 blocks or more, four times their kurtosis at least, of at least 1000 draws of the base in work
-// each, since Student's interval takes their means for normal ones (coverage: the [long] cases of tests/recipe/nets_test.cpp). Their number
-// is fixed here and the run is drawn afresh: blocks added until the error is small would stop on a lucky one.
+// from the last measured one as the posterior says, no faster than the decay that the tail is made for. A run has 32 blocks or
+// more, four times their kurtosis at least, of at least 1000 draws of the base in work each, since Student's interval takes their
+// means for normal ones (coverage: the [long] cases of tests/recipe/nets_test.cpp). Their number is fixed here and the run is
+// drawn afresh: blocks added until the error is small would stop on a lucky one.
 
 #include <cstdint>
 #include <map>

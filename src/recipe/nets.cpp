@@ -10,12 +10,12 @@
 namespace debias {
 namespace {
 
-constexpr double least_lambda = 1;     // plain numbers have it
-constexpr double most_lambda = 3;      // of a scrambled net [Owen 1997]
-constexpr int most_octaves = 26;       // of a level: a net has 2^27 points
-constexpr double octaves_known = 0.6;  // to that a variance of 12 nets is known
-constexpr double seen_in_blocks = 1.0 / 64;
-constexpr int most_growth = 3;  // octaves at once: a net may gain by the second of two
+constexpr double least_lambda = 1;           // plain numbers have it
+constexpr double most_lambda = 3;            // of a scrambled net [Owen 1997]
+constexpr int most_octaves = 26;             // of a level: a net has 2^27 points
+constexpr double octaves_known = 0.6;        // to that a variance of 12 nets is known
+constexpr double seen_in_blocks = 1.0 / 64;  // the mass of a tail level that a run of 32 blocks or so is likely to see
+constexpr int most_growth = 3;               // octaves at once: a net may gain by the second of two
 
 // lambda over the upper half of the octaves.
 double lambda_of(const std::vector<double>& variance, double doubts) {
