@@ -17,8 +17,7 @@ namespace {
 constexpr std::size_t most_on_stack = 64;
 
 struct Draws {
-  IntegrandPointer f;
-  void* user;
+  CIntegrand f;
   std::size_t dimension;
 
   double operator()(Stream& rng) const {
@@ -29,19 +28,17 @@ struct Draws {
     } else {
       rng.fill(u);
     }
-    return f(static_cast<int>(dimension), x.data(), user);
+    return f(static_cast<int>(dimension), x.data());
   }
 };
 
 struct PointFunction {
-  IntegrandPointer f;
-  void* user;
-  double operator()(double x) const { return f(1, &x, user); }
+  CIntegrand f;
+  double operator()(double x) const { return f(1, &x); }
 };
 
 struct CompiledLevels {
-  LevelPointer f;
-  void* user;
+  CLevels f;
   std::shared_ptr<const std::vector<Lookups::Size>> sizes;
 
   [[nodiscard]] std::int64_t deepest_level() const { return static_cast<std::int64_t>(sizes->size()) - 1; }
@@ -52,7 +49,7 @@ struct CompiledLevels {
     const std::span<double> u = many.empty() ? std::span(few).first(size.width) : std::span(many);
     rng.fill(u);
     std::array<double, 2> out{};
-    f(level, static_cast<std::int64_t>(u.size()), u.data(), out.data(), user);
+    f(level, static_cast<std::int64_t>(u.size()), u.data(), out.data());
     return level == 0 ? base(out[0], size.work) : coupled(out[0], out[1], size.work);
   }
 };
@@ -77,8 +74,8 @@ Rates or_usual(const Rates& rates, const Rates& usual) { return std::isnan(rates
 
 }  // namespace
 
-UserProblem compiled_mean(const Facts& facts, IntegrandPointer f, void* user, std::size_t dimension,
-                          const std::string& g, const std::string& points, double from, double to) {
+UserProblem compiled_mean(const Facts& facts, const CIntegrand& f, std::size_t dimension, const std::string& g,
+                          const std::string& points, double from, double to) {
   const NamedFunction function = function_of(g);
   if (points == "independent") {
     if (dimension > most_on_stack) {
@@ -86,9 +83,9 @@ UserProblem compiled_mean(const Facts& facts, IntegrandPointer f, void* user, st
                                   " (of a compiled integrand at most 64); write the levels");
     }
     const Rates rates = or_usual(facts.rates, {2, 1});
-    return compiled_problem(facts, function_of_mean(Draws{f, user, dimension}, function, rates), rates);
+    return compiled_problem(facts, function_of_mean(Draws{f, dimension}, function, rates), rates);
   }
-  const PointFunction at{f, user};
+  const PointFunction at{f};
   if (points == "comb") {
     const Rates rates = or_usual(facts.rates, IntegralOptions{}.rates);
     return compiled_problem(facts, function_of_integral(at, function, {from, to, rates}), rates);
@@ -100,9 +97,9 @@ UserProblem compiled_mean(const Facts& facts, IntegrandPointer f, void* user, st
   throw std::invalid_argument("points = '" + points + "' (must be comb or jittered)");
 }
 
-UserProblem compiled_levels(const Facts& facts, LevelPointer f, void* user, std::vector<Lookups::Size> sizes) {
+UserProblem compiled_levels(const Facts& facts, const CLevels& f, std::vector<Lookups::Size> sizes) {
   const auto kept = std::make_shared<const std::vector<Lookups::Size>>(std::move(sizes));
-  return compiled_problem(facts, CompiledLevels{f, user, kept}, facts.rates);
+  return compiled_problem(facts, CompiledLevels{f, kept}, facts.rates);
 }
 
 }  // namespace debias::python

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,15 +12,28 @@
 
 namespace debias::python {
 
-/// f(n, x, user): of x[0] ... x[n - 1], uniform in the unit cube, or of a point. Callers of a two-argument function ignore the
-/// third, as compilers of this house pass arguments in registers.
-using IntegrandPointer = double (*)(int n, const double* x, void* user);
-/// f(level, n, u, out, user) writes the fine and the coarse estimate; the first alone at level 0.
-using LevelPointer = void (*)(std::int64_t level, std::int64_t n, const double* u, double* out, void* user);
+/// A C function with a last argument for data of its user, or without.
+template <class R, class... Arguments>
+struct CFunction {
+  std::uintptr_t address = 0;
+  std::optional<std::uintptr_t> user{};
 
-UserProblem compiled_mean(const Facts& facts, IntegrandPointer f, void* user, std::size_t dimension,
-                          const std::string& g, const std::string& points, double from, double to);
+  R operator()(Arguments... arguments) const {
+    if (user) {
+      return reinterpret_cast<R (*)(Arguments..., void*)>(address)(arguments..., reinterpret_cast<void*>(*user));
+    }
+    return reinterpret_cast<R (*)(Arguments...)>(address)(arguments...);
+  }
+};
+
+/// f(n, x): of x[0] ... x[n - 1], uniform in the unit cube, or of a point.
+using CIntegrand = CFunction<double, int, const double*>;
+/// f(level, n, u, out) writes the fine and the coarse estimate; the first alone at level 0.
+using CLevels = CFunction<void, std::int64_t, std::int64_t, const double*, double*>;
+
+UserProblem compiled_mean(const Facts& facts, const CIntegrand& f, std::size_t dimension, const std::string& g,
+                          const std::string& points, double from, double to);
 /// `sizes` holds dimension and work of the levels 0, 1, ...; there are no others.
-UserProblem compiled_levels(const Facts& facts, LevelPointer f, void* user, std::vector<Lookups::Size> sizes);
+UserProblem compiled_levels(const Facts& facts, const CLevels& f, std::vector<Lookups::Size> sizes);
 
 }  // namespace debias::python

@@ -639,20 +639,19 @@ PYBIND11_MODULE(_debias, m) {
         [](const py::dict& facts, const py::function& answer, const py::function& size, bool path, double widest) {
           return translated([&] { return terms_problem(facts_of(facts), lookups_of(answer, size, widest), path); });
         });
-  m.def("compiled_mean", [](const py::dict& facts, std::uintptr_t f, std::uintptr_t user, std::size_t dimension,
-                            const std::string& g, const std::string& points, double from, double to) {
-    return translated([&] {
-      return compiled_mean(facts_of(facts), reinterpret_cast<IntegrandPointer>(f), reinterpret_cast<void*>(user),
-                           dimension, g, points, from, to);
-    });
-  });
-  m.def("compiled_levels", [](const py::dict& facts, std::uintptr_t f, std::uintptr_t user,
+  m.def("compiled_mean",
+        [](const py::dict& facts, std::uintptr_t f, std::optional<std::uintptr_t> user, std::size_t dimension,
+           const std::string& g, const std::string& points, double from, double to) {
+          return translated([&] {
+            return compiled_mean(facts_of(facts), CIntegrand{f, user}, dimension, g, points, from, to);
+          });
+        });
+  m.def("compiled_levels", [](const py::dict& facts, std::uintptr_t f, std::optional<std::uintptr_t> user,
                               const std::vector<std::pair<double, double>>& sizes) {
     return translated([&] {
       std::vector<Lookups::Size> of_levels;
       for (const auto& [width, work] : sizes) of_levels.push_back({static_cast<std::size_t>(width), work});
-      return compiled_levels(facts_of(facts), reinterpret_cast<LevelPointer>(f), reinterpret_cast<void*>(user),
-                             std::move(of_levels));
+      return compiled_levels(facts_of(facts), CLevels{f, user}, std::move(of_levels));
     });
   });
   m.def("mean", [](const py::dict& facts, const py::function& answer, const py::function& size, const std::string& g,

@@ -11,10 +11,10 @@ _LEVELS = ("void (int64_t, int64_t, double *, double *)", "void (int64_t, int64_
 
 
 class Pointer(NamedTuple):
-    """Where a compiled function is, and the data that it is called with."""
+    """Where a compiled function is, and the data of its last argument; None where it has no such argument."""
 
     address: int
-    user: int
+    user: Optional[int]
 
 
 _FUNCTION_POINTER: Any = getattr(ctypes, "_CFuncPtr")
@@ -58,7 +58,7 @@ def _pointer(what: str, f: Any, expected: Tuple[str, ...]) -> Optional[Pointer]:
         return None
     if signature and _normal(signature) not in expected:
         raise TypeError(f"{what}: a compiled function {_normal(signature)} (must be {' or '.join(expected)})")
-    return Pointer(int(address or 0), int(user))
+    return Pointer(int(address or 0), user if "void *" in _normal(signature) else None)
 
 
 def _integrand(f: Callable[..., Any]) -> Optional[Pointer]:
