@@ -122,10 +122,13 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     std::vector<double> paths(e.courses.size());
     std::int64_t previous = e.last_usable;
     for (std::int64_t k = e.last_usable + 1; k <= last;) {
-      for (std::size_t i = 0; i < paths.size(); ++i) paths[i] = statistics::course_at(e.courses[i], e.last_usable, k);
+      const statistics::Ahead ahead(e.last_usable, k);
+      for (std::size_t i = 0; i < paths.size(); ++i) paths[i] = ahead.on(e.courses[i]);
+      auto sorted = paths.begin();  // as far as that, none is larger than one behind it
       const auto quantile = [&](double q) {
         const auto nth = paths.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(paths.size()));
-        std::nth_element(paths.begin(), nth, paths.end());
+        std::nth_element(sorted, nth, paths.end());
+        sorted = nth;
         return *nth;
       };
       const double median = quantile(0.5);

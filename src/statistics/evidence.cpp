@@ -433,7 +433,7 @@ class Scales {
     }
     const statistics::Horizon horizon = statistics::horizon_of(e_.last_usable);
     std::vector<double> roots;
-    for (const std::int64_t k : horizon.levels) roots.push_back(log2_work(e_, k) / 2);
+    for (const statistics::Ahead& ahead : horizon) roots.push_back(log2_work(e_, ahead.level()) / 2);
     std::vector<double> u;
     double diverges = 0;
     for (const Course& c : e_.courses) {

@@ -149,7 +149,7 @@ class Sum {
     for (const double x : contributions) seen += std::exp2(std::clamp(x, -1000.0, 900.0));
     const statistics::Horizon horizon = statistics::horizon_of(e_.last_usable);
     std::vector<double> offsets;
-    for (const std::int64_t k : horizon.levels) offsets.push_back(of_ratios_ ? 0 : -power_ * p_.at(k));
+    for (const statistics::Ahead& ahead : horizon) offsets.push_back(of_ratios_ ? 0 : -power_ * p_.at(ahead.level()));
     std::vector<double> u;
     for (const Course& c : courses_) {
       const double l = excess(c, c.limit);
@@ -324,12 +324,14 @@ class Beyond {
   // A level that is drawn: its variance.
   template <class Part>
   void add_drawn(std::int64_t level, const Part& part) {
-    for (std::size_t i = 0; i < variance_.size(); ++i) variance_[i] += part(second_moment(i, level));
+    const statistics::Ahead ahead(e_.last_usable, level);
+    for (std::size_t i = 0; i < variance_.size(); ++i) variance_[i] += part(second_moment(i, ahead));
   }
   // A level that is not: what is missing is its mean.
   template <class Part>
   void add_left_out(std::int64_t level, const Part& part) {
-    for (std::size_t i = 0; i < left_out_.size(); ++i) left_out_[i] += part(second_moment(i, level));
+    const statistics::Ahead ahead(e_.last_usable, level);
+    for (std::size_t i = 0; i < left_out_.size(); ++i) left_out_[i] += part(second_moment(i, ahead));
   }
   // In the middle of all; what is left out is at most `most`.
   [[nodiscard]] double variance(double most) const {
@@ -345,8 +347,8 @@ class Beyond {
   }
 
  private:
-  [[nodiscard]] double second_moment(std::size_t i, std::int64_t level) const {
-    return std::exp2(std::clamp(statistics::course_at(e_.courses[i], e_.last_usable, level), -1000.0, 900.0));
+  [[nodiscard]] double second_moment(std::size_t i, const statistics::Ahead& ahead) const {
+    return std::exp2(std::clamp(ahead.on(e_.courses[i]), -1000.0, 900.0));
   }
   const Evidence& e_;
   std::int64_t last_ = -1;
@@ -377,8 +379,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   const double mu = d.mu;
   // Of one level in the squared error of the mean: E (D / p - mu)^2 p / members; a level of which no draw is expected leaves
   // out (D - mu p)^2.
-  const auto part_of = [&](double second, double mean, std::int64_t level) {
-    const double mass = std::exp2(p.at(level));
+  const auto part_of = [&](double second, double mean, double mass) {
     return std::max(0.0, second - 2 * mu * mean * mass + mu * mu * mass * mass) / std::max(mass, 1 / members) / members;
   };
   double squares = 0;  // of the variances of the parts
@@ -417,6 +418,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   double left_out_doubt = 0;
   for (std::int64_t k = p.first(); k <= p.last(); ++k) {
     const double draws_expected = std::exp2(p.at(k) + std::log2(members));
+    const double mass = std::exp2(p.at(k));
     const LevelVoice* voice = voice_at(e, k);
     const bool known = voice != nullptr && voice->hits >= few && std::isfinite(voice->log2_second);
     if (known) {
@@ -426,7 +428,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       if (!drawn) d.levels.push_back(k);
       const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
       const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
-      add(drawn ? d.seen : d.undrawn, part_of(second, mean, k),
+      add(drawn ? d.seen : d.undrawn, part_of(second, mean, mass),
           drawn ? rarity_seen / draws_expected : rarity_seen / draws);
       continue;
     }
@@ -448,7 +450,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
                             [&](double second_moment) { return std::min(std::sqrt(second_moment) * rare, most_mean); });
         continue;
       }
-      if (certain) replaced += expected - mu * std::exp2(p.at(k));
+      if (certain) replaced += expected - mu * mass;
       left_out += certain ? uncertain_part(b) * std::abs(expected) : mean;
       left_out_doubt = std::max(left_out_doubt, doubt);
       continue;
@@ -457,12 +459,12 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
     const double second = mu != 0 ? expected * expected * (1 + std::pow(uncertain_part(b), 2))
                                   : std::exp2(std::clamp(upper(e, b), -1000.0, 900.0));
     if (mu == 0 && beyond.holds(k)) {
-      beyond.add_drawn(k, [&](double second_moment) { return part_of(second_moment, 0, k); });
+      beyond.add_drawn(k, [&](double second_moment) { return part_of(second_moment, 0, mass); });
       continue;
     }
-    const double part = part_of(second, expected, k);
+    const double part = part_of(second, expected, mass);
     // Of a difference that is not random the size is known but for its doubt.
-    const double known_part = mu != 0 ? std::min(part, part_of(expected * expected, expected, k)) : 0;
+    const double known_part = mu != 0 ? std::min(part, part_of(expected * expected, expected, mass)) : 0;
     add(d.undrawn, known_part, doubt);
     add(d.unseen, part - known_part, doubt);
   }

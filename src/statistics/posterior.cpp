@@ -361,18 +361,18 @@ double scatter_of(std::span<const Course> courses) {
   return *middle;
 }
 
-double course_at(const Course& c, std::int64_t last_usable, std::int64_t level) {
-  const auto k = static_cast<double>(level);
-  const auto k0 = static_cast<double>(last_usable);
-  const double x = c.polynomial ? std::log2((k + 1) / (k0 + 1)) : k - k0;
-  return c.at_last - (c.limit + (c.slope - c.limit) * std::exp2(-std::min(x, 50.0))) * x;
-}
+Ahead::Way Ahead::way(double length) { return {length, std::exp2(-std::min(length, 50.0))}; }
+
+Ahead::Ahead(std::int64_t last_usable, std::int64_t level)
+    : level_(level),
+      levels_(way(static_cast<double>(level) - static_cast<double>(last_usable))),
+      octaves_(way(std::log2((static_cast<double>(level) + 1) / (static_cast<double>(last_usable) + 1)))) {}
 
 Horizon horizon_of(std::int64_t last_usable) {
   Horizon h;
-  for (std::int64_t i = 1; i <= 32; ++i) h.levels.push_back(last_usable + i);
+  for (std::int64_t i = 1; i <= 32; ++i) h.emplace_back(last_usable, last_usable + i);
   for (int i = 1; i <= 24; ++i) {
-    h.levels.push_back(last_usable + static_cast<std::int64_t>(32 * std::exp2(i / 2.0) + 0.5));
+    h.emplace_back(last_usable, last_usable + static_cast<std::int64_t>(32 * std::exp2(i / 2.0) + 0.5));
   }
   return h;
 }
@@ -380,18 +380,18 @@ Horizon horizon_of(std::int64_t last_usable) {
 double sum_beyond(const Course& c, std::int64_t last_usable, const Horizon& h, double factor,
                   std::span<const double> offsets, double lambda) {
   const auto term = [&](std::size_t i) {
-    return std::exp2(std::clamp(factor * course_at(c, last_usable, h.levels[i]) + offsets[i], -1000.0, 900.0));
+    return std::exp2(std::clamp(factor * h[i].on(c) + offsets[i], -1000.0, 900.0));
   };
   double sum = 0;
   double before = 0;
   std::int64_t from = last_usable;
-  for (std::size_t i = 0; i < h.levels.size(); ++i) {
+  for (std::size_t i = 0; i < h.size(); ++i) {
     const double here = term(i);
-    const auto gap = static_cast<double>(h.levels[i] - from);
+    const auto gap = static_cast<double>(h[i].level() - from);
     sum += gap == 1 ? here : gap * std::sqrt(before) * std::sqrt(here);  // a power between them, about
     if (gap > 1 && here < 1e-12 * sum) return sum;
     before = here;
-    from = h.levels[i];
+    from = h[i].level();
   }
   const double per_level = c.polynomial ? lambda / static_cast<double>(from) : lambda * 0.6931471805599453;
   return sum + before / std::max(per_level, 1e-12);

@@ -45,13 +45,31 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
 /// Of single levels about the trend, in octaves: the median.
 double scatter_of(std::span<const Course> courses);
 
-/// b at a level beyond the last usable one. The slope settles within some levels.
-double course_at(const Course& course, std::int64_t last_usable, std::int64_t level);
+/// A level beyond the last usable one, as far from it as courses of both kinds count: in levels, or in octaves.
+class Ahead {
+ public:
+  Ahead(std::int64_t last_usable, std::int64_t level);
+  [[nodiscard]] std::int64_t level() const { return level_; }
+  /// b of a course. The slope settles within some levels.
+  [[nodiscard]] double on(const Course& c) const {
+    const Way& way = c.polynomial ? octaves_ : levels_;
+    return c.at_last - (c.limit + (c.slope - c.limit) * way.unsettled) * way.length;
+  }
+
+ private:
+  struct Way {
+    double length;
+    double unsettled;
+  };
+  static Way way(double length);
+
+  std::int64_t level_;
+  Way levels_;
+  Way octaves_;
+};
 
 /// Levels beyond the last usable one: 32 single ones, then two an octave.
-struct Horizon {
-  std::vector<std::int64_t> levels;
-};
+using Horizon = std::vector<Ahead>;
 Horizon horizon_of(std::int64_t last_usable);
 
 /// sum over the levels beyond of 2^(factor b_k + offset_k), for offsets at the levels of the horizon; what lies beyond
