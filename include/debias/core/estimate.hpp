@@ -58,15 +58,8 @@ struct Pieces {
 };
 
 Statistics run(const Plan& plan, const Identity& identity, const Pieces& pieces, const ChunkBody& body);
-/// Throws std::invalid_argument for plans that no run has, or none of this estimator.
-using PlanCheck = std::function<void(const Plan& plan)>;
-/// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
-Plan plan_for_goal(const Plan& plan, const Pieces& pieces, const ChunkBody& pilot, const PlanCheck& check,
-                   const std::function<double(const Statistics& pilot)>& bias);
 /// The plan of a run that goes on from a state.
 Plan plan_from(const RunState& state, Plan plan);
-/// Checks the plan; on several ranks all of them throw where one does, lest the others wait for it.
-void check_on_all(const Plan& plan, const PlanCheck& check);
 /// Says that a run had so many threads, and no more.
 Warning fewer_threads_warning(int threads);
 
@@ -90,20 +83,9 @@ Identity identity_of(const E& estimator) {
 }
 
 Statistics merge(const Statistics& a, const Statistics& b);
-/// From the base or the level above it on, as far as they matter.
-Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability);
-/// Says so where the standard error is below the rounding of the values themselves.
-void warn_of_single_precision(Statistics& statistics, double epsilon);
-/// Judges the coupling of the levels, and warns first of all of a wrong one.
-void judge_coupling(Statistics& statistics, double epsilon);
-
-template <Value V>
-Statistics with_rounding(Statistics statistics) {
-  constexpr double epsilon = epsilon_of<V>();
-  judge_coupling(statistics, epsilon);
-  if constexpr (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(statistics, epsilon);
-  return statistics;
-}
+/// Judges the coupling of the levels, and warns first of all of a wrong one; says where the standard error is below the rounding
+/// of the values themselves.
+Statistics with_rounding(Statistics statistics, double epsilon);
 [[noreturn]] void rethrow_with_sample(std::uint64_t seed, std::int64_t index);
 }  // namespace detail
 
@@ -140,65 +122,48 @@ auto draws_of(const E& estimator, std::uint64_t seed, const bool& pilot) {
   };
 }
 
+/// What a run asks of an estimator, whatever its type. Empty: it has nothing to say there.
+struct Drawn {
+  Identity identity{};
+  Pieces pieces{};
+  double epsilon = 0;  ///< of a component of its values
+  bool pilot = false;  ///< draws from the streams of a goal's pilot
+  ChunkBody body{};
+  /// Before a run of streams first ... last - 1, as `OneByOne::begin`.
+  std::function<void(std::int64_t first, std::int64_t last, bool in_order)> begin{};
+  std::optional<SequenceFacts> facts{};
+  std::function<Reach(std::int64_t last_stream)> reach{};
+  std::function<BiasBound(const LevelTable& levels)> bias_bound{};
+  std::function<double(std::int64_t level)> probability{};
+  Missed missed{};
+};
+/// The goal's pilot, the run, and what the levels say.
+Statistics drive(Drawn& drawn, const Plan& plan);
+
 /// `estimate` by another way to draw, which sees each sample, or each block, as draw(index of its stream, record); without
 /// the mean in the type of the value.
 template <Estimator E, class Way>
 Statistics statistics_by(Way& way, const E& estimator, const Plan& plan) {
-  using V = estimate_value_t<E>;
-  const Pieces pieces = detail::pieces_of(estimator);
-  const std::int64_t block = pieces.block;
-  bool pilot = false;
-  const auto draw = draws_of(estimator, plan.seed, pilot);
-  const auto body = [&](std::int64_t first, std::int64_t last, Recorder& recorder) {
+  Drawn drawn{.identity = detail::identity_of(estimator),
+              .pieces = detail::pieces_of(estimator),
+              .epsilon = epsilon_of<estimate_value_t<E>>()};
+  const std::int64_t block = drawn.pieces.block;
+  const auto draw = draws_of(estimator, plan.seed, drawn.pilot);
+  drawn.body = [&way, &draw, block](std::int64_t first, std::int64_t last, Recorder& recorder) {
     way.chunk(first / block, last / block, draw, recorder);
   };
-  const auto check = [&](const Plan& wanted) {
-    detail::check_plan(wanted);
-    detail::check_blocks(wanted, block);
-    if constexpr (StatesReach<E>) {
-      const std::int64_t whole = std::max(wanted.whole, wanted.samples);
-      detail::require_reach(estimator.reach((wanted.first + wanted.samples) / block - 1), whole);
-    }
-  };
-  const auto begin = [&](const Plan& next) {
-    way.begin(next.first / block, (next.first + next.samples) / block, !pilot && !next.earlier);
-  };
-  Plan fixed = detail::in_blocks(plan, block);
-  if (plan.goal.asked()) {
-    pilot = true;
-    begin(fixed);
-    const auto bias = [&]([[maybe_unused]] const Statistics& s) {
-      if constexpr (StatesBias<E>) {
-        return estimator.bias_bound(s.state.total().levels).size;
-      } else {
-        return 0.0;
-      }
-    };
-    fixed = detail::plan_for_goal(fixed, pieces, body, check, bias);
-    pilot = false;
-  }
-  // A pilot has been told more, by its caller.
-  if constexpr (StatesFacts<E>) {
-    if (fixed.pilot.levels.empty()) fixed.pilot.sequence = estimator.facts();
-  }
-  detail::check_on_all(fixed, check);
-  begin(fixed);
-  Statistics statistics = detail::run(fixed, detail::identity_of(estimator), pieces, body);
-  statistics.goal = plan.goal;
-  if constexpr (StatesBias<E>) statistics.bias_bound = estimator.bias_bound(statistics.state.total().levels);
-  if constexpr (KnowsProbabilities<E>) {
-    for (LevelRow& row : statistics.levels) {
-      if (!row.is_base && row.level == row.last_level) row.probability = estimator.probability(row.level);
-    }
-    statistics.masses = detail::masses_of(statistics.levels, [&](std::int64_t k) { return estimator.probability(k); });
-  }
-  statistics = detail::with_rounding<V>(std::move(statistics));
+  drawn.begin = [&way](std::int64_t first, std::int64_t last, bool in_order) { way.begin(first, last, in_order); };
+  if constexpr (StatesFacts<E>) drawn.facts = estimator.facts();
+  if constexpr (StatesReach<E>) drawn.reach = [&](std::int64_t last) { return estimator.reach(last); };
+  if constexpr (StatesBias<E>)
+    drawn.bias_bound = [&](const LevelTable& levels) { return estimator.bias_bound(levels); };
+  if constexpr (KnowsProbabilities<E>) drawn.probability = [&](std::int64_t k) { return estimator.probability(k); };
   if constexpr (ChecksPoints<E>) {
-    detail::judge_points(statistics, [&](std::int64_t level, std::int64_t draws) {
+    drawn.missed = [&](std::int64_t level, std::int64_t draws) {
       return way.aside([&] { return detail::missed_of(estimator, level, draws, plan.seed); });
-    });
+    };
   }
-  return statistics;
+  return detail::drive(drawn, plan);
 }
 
 template <Estimator E, class Way>
@@ -258,9 +223,9 @@ Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_val
 template <Value V>
 Result<V> merge(const Result<V>& a, const Result<V>& b) {
   if constexpr (RealValue<V> || ComplexValue<V>) {
-    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), V{});
+    return Result<V>(detail::with_rounding(detail::merge(a, b), epsilon_of<V>()), V{});
   } else {
-    return Result<V>(detail::with_rounding<V>(detail::merge(a, b)), a.mean);
+    return Result<V>(detail::with_rounding(detail::merge(a, b), epsilon_of<V>()), a.mean);
   }
 }
 

@@ -1,0 +1,220 @@
+// From an estimator and a plan to the run: what a goal asks for, and what the levels say afterwards.
+
+#include <debias/core/estimate.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/communicator.hpp"
+#include "core/text.hpp"
+
+namespace debias::detail {
+namespace {
+
+// Samples, or blocks, that carry the variance.
+double hits_of(const Statistics& s) {
+  const double excess = s.moments.kurtosis() - 1;
+  return excess > 0 ? static_cast<double>(s.blocks) / excess : static_cast<double>(s.blocks);
+}
+
+// The blocks that a pilot asks for.
+double wanted_blocks(const Goal& goal, const Statistics& pilot, double spent, double bias) {
+  if (goal.seconds > 0) {
+    return (Goal::aim * goal.seconds - spent) / (pilot.seconds / static_cast<double>(pilot.blocks));
+  }
+  const auto n = static_cast<double>(pilot.blocks);
+  const double doubt = 2 / std::sqrt(std::max(hits_of(pilot), 4.0));  // two errors of the variance
+  const double variance = pilot.total_error() * pilot.total_error() * n * (1 + doubt);
+  double wish = goal.error > 0 ? goal.error : goal.relative_error * pilot.norm();
+  // The stated bias takes its part of the wish, where the aim does not leave it enough; one above the wish takes no samples.
+  if (bias > 0.3 * wish && bias < wish) wish = std::sqrt((wish - bias) * (wish + bias));
+  const double error = Goal::aim * wish;
+  if (variance == 0) return 2;
+  const double wanted = variance / (error * error);
+  // Few samples state an error that varies more than the aim leaves room for: one in twenty may miss.
+  constexpr double one_in_twenty = 1.645;
+  const double varies = one_in_twenty / std::sqrt(wanted * std::min(1.0, hits_of(pilot) / n));
+  return std::max(wanted, variance / (wish * wish) * (1 + varies));
+}
+
+// Throws for plans that no run has, or none of this estimator; on several ranks all of them do where one does, lest the
+// others wait for it.
+void check_on_all(const Plan& plan, const Drawn& drawn) {
+  plan.ranks.communicator().agree("plan", [&] {
+    const std::int64_t block = drawn.pieces.block;
+    check_plan(plan);
+    check_blocks(plan, block);
+    if (!drawn.reach) return;
+    require_reach(drawn.reach((plan.first + plan.samples) / block - 1), std::max(plan.whole, plan.samples));
+  });
+}
+
+// The plan with the samples that its goal asks for, and what finding out took added to its pilot.
+Plan plan_for_goal(const Plan& plan, const Drawn& drawn) {
+  constexpr double pilot_share = 1.0 / 16;  // of the run
+  constexpr std::int64_t most_pilot_blocks = std::int64_t{1} << 22;
+  constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
+  constexpr double enough_hits = 32;   // of a pilot: it knows the variance to a third
+  constexpr double most_blocks = 0x1p46;
+  check_goal(plan.goal);
+  const Pieces& pieces = drawn.pieces;
+  const std::int64_t block = pieces.block;
+  Plan pilot = plan;
+  // Where `samples` says that the run is short, so is the pilot.
+  const std::int64_t expected = plan.earlier ? 1024 * 8 : plan.samples / block;
+  std::int64_t pilot_blocks = plan.goal.seconds > 0 ? fewest : std::clamp<std::int64_t>(expected / 8, fewest, 1024);
+  pilot.save = {};
+  pilot.earlier = {};
+  pilot.pilot = {};
+  PilotRun spent;
+  const auto planned = [&](std::int64_t blocks) {
+    Plan result = plan;
+    result.samples = blocks * block;
+    result.pilot += spent;
+    if (plan.earlier) result.samples = std::max(result.samples, plan.samples);  // fixed before those were drawn
+    return result;
+  };
+  double again = 0;  // work of chunks that were cut, and are drawn once more
+  const auto extend = [&](const Statistics& s) {
+    again += s.work * static_cast<double>(s.samples % pieces.chunk) / static_cast<double>(s.samples);
+    pilot.earlier = std::make_shared<RunState>(s.state);
+  };
+  for (;;) {
+    pilot.samples = pilot_blocks * block;
+    check_on_all(pilot, drawn);
+    const Statistics s = run(pilot, {.estimator = "pilot"}, pieces, drawn.body);
+    spent.work = s.work + again;
+    spent.seconds = s.seconds;
+    const double bias = drawn.bias_bound ? drawn.bias_bound(s.state.total().levels).size : 0;
+    const double wanted = wanted_blocks(plan.goal, s, spent.seconds, bias);
+    if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
+      return planned(s.blocks);
+    }
+    if (plan.goal.seconds == 0) {
+      // A variance of few hits, a mean that may be 0, or equal values promise nothing: until the pilot costs the run.
+      const auto have = static_cast<double>(s.blocks);
+      const bool equal = !(s.moments.m2 > 0);
+      const bool unknown_mean = plan.goal.relative_error > 0 && !(s.norm() > 3 * s.total_error());
+      const bool rare = hits_of(s) < enough_hits && have < wanted;
+      const std::int64_t most = equal
+                                    ? std::int64_t{1} << 16
+                                    : std::clamp(16 * (plan.samples / block), std::int64_t{1} << 16, most_pilot_blocks);
+      if ((equal || unknown_mean || rare) && s.blocks < most) {
+        pilot_blocks = std::min(most, 2 * s.blocks);
+        extend(s);
+        continue;
+      }
+      if (unknown_mean) return planned(s.blocks);  // the result says that its mean is not told from 0
+    }
+    // The last pilot is the one that counts: the first is too short to know a variance, or the time of a sample.
+    const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_blocks));
+    if (next < 4 * static_cast<double>(pilot_blocks)) {
+      const double samples = wanted * static_cast<double>(block);
+      if (!(samples < 0x1p62)) {
+        throw std::invalid_argument("Goal: it takes " + format("%f", samples) + " samples (does not fit 64 bits)");
+      }
+      if (wanted > most_blocks) {
+        throw std::invalid_argument("Goal: it takes " + format("%.3g", samples) + " samples (about " +
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) +
+                                    " seconds); ask for a larger error");
+      }
+      if (plan.goal.seconds > 0)
+        return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
+      // What the pilot of a recipe has cost is worth a run of that length.
+      const double as_pilot = plan.pilot.work / std::max(s.work / static_cast<double>(s.blocks), 1e-300);
+      const double least = std::min(as_pilot, most_blocks);
+      return planned(std::max(fewest, static_cast<std::int64_t>(std::ceil(std::max(wanted, least)))));
+    }
+    pilot_blocks = static_cast<std::int64_t>(next);
+    extend(s);
+  }
+}
+
+// From the base or the level above it on, as far as they matter.
+Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability) {
+  constexpr std::int64_t most = 1024;
+  constexpr double least = 1e-280;
+  std::int64_t base = 0;
+  for (const LevelRow& row : rows) {
+    if (row.is_base) base = row.level;
+  }
+  Masses m;
+  m.first_level = probability(base) > 0 && probability(base + 1) > 0 ? base : base + 1;
+  const std::int64_t end = base + most;
+  while (m.first_level < end && !(probability(m.first_level) > 0)) ++m.first_level;
+  for (std::int64_t k = m.first_level; k < end; ++k) {
+    const double p = probability(k);
+    if (!(p > least)) break;
+    m.mass.push_back(p);
+  }
+  return m;
+}
+
+// Says so where the standard error is below the rounding of the values themselves.
+void warn_of_single_precision(Statistics& s, double epsilon) {
+  if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.norm())) return;
+  s.warnings.push_back({WarningCode::single_precision,
+                        "the standard error is below the rounding of single-precision values, which may have moved "
+                        "the mean by more; compute the values in double."});
+}
+
+}  // namespace
+
+Statistics with_rounding(Statistics s, double epsilon) {
+  const Accumulator sums = s.state.total();
+  s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
+  const std::optional<Warning> warning = warning_of(s.coupling);
+  if (warning) s.warnings.insert(s.warnings.begin(), *warning);
+  if (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(s, epsilon);
+  return s;
+}
+
+Statistics drive(Drawn& drawn, const Plan& plan) {
+  const std::int64_t block = drawn.pieces.block;
+  const auto begin = [&](const Plan& next) {
+    drawn.begin(next.first / block, (next.first + next.samples) / block, !drawn.pilot && !next.earlier);
+  };
+  Plan fixed = in_blocks(plan, block);
+  if (plan.goal.asked()) {
+    drawn.pilot = true;
+    begin(fixed);
+    fixed = plan_for_goal(fixed, drawn);
+    drawn.pilot = false;
+  }
+  // A pilot has been told more, by its caller.
+  if (drawn.facts && fixed.pilot.levels.empty()) fixed.pilot.sequence = *drawn.facts;
+  check_on_all(fixed, drawn);
+  begin(fixed);
+  Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
+  s.goal = plan.goal;
+  if (drawn.bias_bound) s.bias_bound = drawn.bias_bound(s.state.total().levels);
+  if (drawn.probability) {
+    for (LevelRow& row : s.levels) {
+      if (!row.is_base && row.level == row.last_level) row.probability = drawn.probability(row.level);
+    }
+    s.masses = masses_of(s.levels, drawn.probability);
+  }
+  s = with_rounding(std::move(s), drawn.epsilon);
+  if (drawn.missed) judge_points(s, drawn.missed);
+  return s;
+}
+
+Plan plan_from(const RunState& state, Plan plan) {
+  if (state.last() > 0) {
+    if (!state.seed) throw std::invalid_argument("extend: samples of no known seed; set `seed` of their state");
+    plan.seed = *state.seed;
+    plan.first = state.first();
+    if (plan.goal.asked()) plan.samples = state.last() - state.first();  // at least
+  }
+  plan.earlier = std::make_shared<RunState>(state);
+  return plan;
+}
+
+}  // namespace debias::detail
