@@ -77,4 +77,6 @@ NetMoments detail::net_moments(const Statistics& s, int octaves) {
   return m;
 }
 
+template void detail::draw_levels(LevelRuns& runs, const PlainLevels& sequence);
+
 }  // namespace debias

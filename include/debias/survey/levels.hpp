@@ -21,7 +21,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -364,6 +366,34 @@ std::pair<double, double> mean_work(const S& sequence, std::int64_t level, const
 
 SharedMoments shared_moments(const Statistics& statistics);
 
+/// Levels of doubles behind one indirect call a draw: what draws them for a pilot is compiled once, not for each sequence.
+struct PlainLevels {
+  std::function<Draw<double>(std::int64_t level, Stream& rng)> draw;
+  std::function<Term<double>(std::int64_t level, Stream& rng)> value;
+  std::function<Term<double>(std::int64_t level, Stream& rng)> difference;
+
+  Draw<double> operator()(std::int64_t level, Stream& rng) const { return draw(level, rng); }
+  [[nodiscard]] Term<double> value_at(std::int64_t level, Stream& rng) const { return value(level, rng); }
+  [[nodiscard]] Term<double> difference_at(std::int64_t level, Stream& rng) const { return difference(level, rng); }
+};
+
+/// Whether a pilot draws one member at a time, and nothing but values and differences.
+template <class S>
+inline constexpr bool draws_plainly =
+    std::is_same_v<sequence_value_t<S>, double> && !BatchesLevels<S> && !BatchesValues<S> && !BatchesDifferences<S>;
+
+template <class S>
+void draw_levels(LevelRuns& runs, const S& sequence) {
+  runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
+    return statistics_of(LevelDraw<S>{sequence, level}, plan);
+  };
+  runs.work = [sequence](std::int64_t level, const Plan& plan) { return mean_work(sequence, level, plan); };
+  runs.nets = [sequence](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
+    return net_moments(statistics_of(NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
+  };
+}
+extern template void draw_levels(LevelRuns& runs, const PlainLevels& sequence);
+
 }  // namespace detail
 
 /// The erased levels of a sequence, which is copied.
@@ -371,14 +401,16 @@ template <BiasedSequence S>
 LevelRuns level_runs(const S& sequence) {
   LevelRuns runs;
   runs.deepest_level = deepest_level_of(sequence);
-  runs.draw = [sequence](std::int64_t level, const Plan& plan) -> Statistics {
-    return detail::statistics_of(detail::LevelDraw<S>{sequence, level}, plan);
-  };
-  runs.work = [sequence](std::int64_t level, const Plan& plan) { return detail::mean_work(sequence, level, plan); };
-  runs.nets = [sequence](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
-    return detail::net_moments(detail::statistics_of(detail::NetDraw<S>{sequence, level, as_base, octaves}, plan),
-                               octaves);
-  };
+  if constexpr (detail::draws_plainly<S>) {
+    const auto shared = std::make_shared<const S>(sequence);
+    detail::draw_levels(
+        runs, detail::PlainLevels{
+                  [shared](std::int64_t level, Stream& rng) { return (*shared)(level, rng); },
+                  [shared](std::int64_t level, Stream& rng) { return debias::value_of(*shared, level, rng); },
+                  [shared](std::int64_t level, Stream& rng) { return debias::difference_of(*shared, level, rng); }});
+  } else {
+    detail::draw_levels(runs, sequence);
+  }
   runs.facts = facts_of(sequence);
   if constexpr (ChecksPoints<S>) {
     runs.missed = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
