@@ -149,10 +149,11 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
              ", where the fourth moment of a level is infinite and the standard error is not to be trusted."});
   }
   if (request.served.asked()) statistics.goal = request.served;
-  const Interval interval = statistics.interval(request.confidence);
+  RunVerdict evidence = statistics.verdict();
+  const Interval interval = statistics.interval(evidence, request.confidence);
   const double z =
       (statistics.components.front().mean - problem.truth) / validation::believed_error(statistics, problem.truth);
-  return {&problem, choice, std::move(advice), std::move(statistics), interval, verdict, z};
+  return {&problem, choice, std::move(advice), std::move(statistics), std::move(evidence), interval, verdict, z};
 }
 
 std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
@@ -261,7 +262,7 @@ Fields fields(const RunReport& run) {
   if (s.components.size() > 1) {
     List components;
     for (std::size_t i = 0; i < s.components.size(); ++i) {
-      const Interval interval = s.interval(run.interval.confidence, i);
+      const Interval interval = s.interval(run.evidence, run.interval.confidence, i);
       components.emplace_back(Fields{{"mean", s.components[i].mean},
                                      {"standard_error", s.components[i].standard_error},
                                      {"low", interval.low},
@@ -285,7 +286,7 @@ Fields fields(const RunReport& run) {
                                 {"finite_work", run.verdict.finite_work},
                                 {"tail_index", run.verdict.tail_index},
                                 {"sentence", run.verdict.sentence}}}});
-  if (s.nonfinite == 0 && s.blocks > 1) f.push_back({"evidence", describe(s.verdict())});
+  if (s.nonfinite == 0 && s.blocks > 1) f.push_back({"evidence", describe(run.evidence)});
   append(f, {{"coupling", describe(s.coupling)},
              {"warnings", s.warnings},
              {"nonfinite", s.nonfinite},

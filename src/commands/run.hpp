@@ -42,6 +42,7 @@ struct RunReport {
   catalog::Choice choice;
   std::optional<Advice> advice;  ///< that the choice follows
   Statistics statistics;
+  RunVerdict evidence;  ///< on the variance, from what was drawn
   Interval interval;
   DeclaredFiniteness verdict;  ///< on the PMF, from the declared rates
   double z;                    ///< of the exact answer

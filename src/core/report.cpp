@@ -81,7 +81,7 @@ class Printer {
     detail::print_ends(s_.components.size(), [&](std::size_t i, const std::string& left_out) {
       if (!left_out.empty()) return line("", left_out);
       const ComponentEstimate& c = s_.components[i];
-      const Interval interval = s_.interval(0.95, i);
+      const Interval interval = s_.interval(verdict_, 0.95, i);
       const std::string ends =
           std::isfinite(c.mean) && std::isfinite(c.standard_error)
               ? "   95 % interval [" + format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt

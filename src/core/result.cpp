@@ -23,7 +23,7 @@ double error_quantile(double tail, std::int64_t values, double degrees) {
 
 }  // namespace
 
-Interval Statistics::interval(double confidence, std::size_t component) const {
+Interval Statistics::interval(const RunVerdict& v, double confidence, std::size_t component) const {
   if (!(confidence > 0 && confidence < 1)) {
     throw std::invalid_argument("interval: confidence = " + format("%f", confidence) +
                                 " (must lie in (0, 1)); 0.95 is usual");
@@ -32,7 +32,6 @@ Interval Statistics::interval(double confidence, std::size_t component) const {
   double error = c.standard_error;
   double degrees = std::numeric_limits<double>::infinity();
   if (!masses.empty() && nonfinite == 0 && moments.count > 1) {
-    const RunVerdict v = verdict();
     degrees = v.degrees;
     if (v.unseen_variance > 0) {
       double all = 0;

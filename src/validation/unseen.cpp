@@ -73,7 +73,7 @@ Opinion ask_of(const S& sequence, const Plan& plan) {
       opinion.answer = Said::yes;
       opinion.grade = stronger(opinion.grade, opinion.variance_grade);
     }
-    const Interval interval = result.interval();
+    const Interval interval = result.interval(verdict);
     opinion.mean = result.mean;
     opinion.low = interval.low;
     opinion.high = interval.high;

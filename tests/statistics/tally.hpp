@@ -27,8 +27,8 @@ struct Tally {
 
 template <Value V>
 void count(Tally& t, const Result<V>& r, double truth) {
-  const Interval i = r.interval();
   const RunVerdict v = r.verdict();
+  const Interval i = r.interval(v);
   const bool in = i.low <= truth && truth <= i.high;
   t.covered += in;
   t.reliable += v.interval_reliable();

@@ -89,7 +89,11 @@ struct Statistics {
   SequenceFacts sequence;                ///< what the sequence states of itself
 
   /// Two-sided interval of Student's t, widened by what levels with a mass but hardly a draw may add. Throws std::invalid_argument unless 0 < confidence < 1.
-  [[nodiscard]] Interval interval(double confidence = 0.95, std::size_t component = 0) const;
+  [[nodiscard]] Interval interval(double confidence = 0.95, std::size_t component = 0) const {
+    return interval(verdict(), confidence, component);
+  }
+  /// The same by a verdict of this result that one has: each takes milliseconds.
+  [[nodiscard]] Interval interval(const RunVerdict& verdict, double confidence = 0.95, std::size_t component = 0) const;
   /// Standard error of the mean; its norm, for a value with several components.
   [[nodiscard]] double total_error() const;
   /// Norm of the mean.
