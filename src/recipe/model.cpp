@@ -16,9 +16,9 @@ constexpr double strata_share = 1.0 / 2;     // of the draws of a level that hav
 constexpr std::int64_t fewest_members = 32;  // that run together and tell what strata leave
 
 // E D_k^2 as it should be believed: the mean of the posterior, at most one standard deviation up.
-std::vector<double> believed_squares(const Survey& s, std::size_t levels) {
+std::vector<double> believed_squares(const Survey& s, const std::vector<Believed>& all) {
   const Evidence& e = s.evidence;
-  const std::vector<Believed> all = believed(e, static_cast<std::int64_t>(levels) - 1);
+  const std::size_t levels = all.size();
   const double fall = std::exp2(-((e.exponential_work ? e.work.value : 0) + 1));
   double scale = 0;
   for (const SurveyRow& row : s.rows) {
@@ -53,7 +53,8 @@ LevelModel model_of(const Survey& s, std::int64_t levels) {
   }
   const auto n = static_cast<std::size_t>(levels);
   LevelModel m;
-  const std::vector<double> a = believed_squares(s, n);
+  m.posterior = believed(s.evidence, levels - 1);
+  const std::vector<double> a = believed_squares(s, m.posterior);
   double share = 1;  // of the variance in the second moment
   for (std::size_t k = 0; k < n; ++k) {
     const SurveyRow* row = s.row_at(static_cast<std::int64_t>(k));

@@ -119,7 +119,7 @@ const NetMoments* NetPilot::measured(std::int64_t level, bool as_base, double wo
 }
 
 std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, double work, const Survey& survey,
-                                                    double decay) {
+                                                    const LevelModel& model, double decay) {
   const std::int64_t deepest = std::min(runs_.deepest_level, base_level + most_levels - 1);
   const auto work_of = [&](std::int64_t level) {
     const auto each = runs_.work(level, plan_);
@@ -140,11 +140,8 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
     why_ = "the run is too short for nets to be measured";
     return {};
   }
-  const LevelModel model = model_of(survey);
   Levels found;
   std::vector<double> mean;
-  const std::vector<Believed> posterior =
-      debias::believed(survey.evidence, static_cast<std::int64_t>(model.size()) - 1);
   double rarer = 1;        // the kurtosis of a level over that of the level above it
   double last_second = 0;  // of the last level that nets showed
   double last_posterior = 0;
@@ -155,7 +152,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
     if (level - base_level >= count) {  // like the last one, at the posterior's size
       NetLevel deeper = found.levels.back();
       const double least_fall = decay * static_cast<double>(level - (base_level + count - 1));
-      const double fall = std::max(posterior[k].log2_second - last_posterior, -least_fall);
+      const double fall = std::max(model.posterior[k].log2_second - last_posterior, -least_fall);
       const double size = last_second > 0 && std::isfinite(fall) ? last_second * std::exp2(fall) : believed;
       const double scale = deeper.second_moment > 0 ? size / deeper.second_moment : 0;
       for (double& v : deeper.variance) v *= scale;
@@ -191,7 +188,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
     }
     if (!as_base) {
       last_second = next.second_moment;
-      last_posterior = posterior[k].log2_second;
+      last_posterior = model.posterior[k].log2_second;
       // Rare differences grow rarer.
       if (level > base_level + 1) {
         const double each =
@@ -217,11 +214,11 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
 }
 
 std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double work, const Plan& plan,
-                                              const Advice& plain, double seconds_left) {
+                                              const Advice& plain, const LevelModel& model, double seconds_left) {
   why_.clear();
   const std::optional<Beyond> beyond = beyond_of(plain.survey, plain.facts.declared, why_);
   if (!beyond) return {};
-  const std::optional<Levels> levels = levels_of(base_level, work, plain.survey, beyond->decay);
+  const std::optional<Levels> levels = levels_of(base_level, work, plain.survey, model, beyond->decay);
   if (!levels) return {};
   const Goal& goal = plan.goal;
   double target = 0;     // variance of the mean
@@ -299,13 +296,14 @@ std::optional<NetPilot::Found> NetPilot::choose(double work, const Plan& plan, c
   constexpr double most_base = 64;  // of the work of the lowest
   const std::int64_t lowest = std::max(options_.lowest_base, plain.survey.evidence.lowest_base);
   const std::int64_t first = options_.base_level.value_or(settled_.value_or(lowest));
-  std::optional<Found> best = from(first, work, plan, plain, seconds_left);
+  const LevelModel model = model_of(plain.survey);
+  std::optional<Found> best = from(first, work, plan, plain, model, seconds_left);
   // Bases are compared once: each costs a measurement of its own.
   if (!best || options_.base_level || settled_) return best;
   for (std::int64_t m = first + 1; m + 2 <= plain.survey.rows.back().level; ++m) {
     if (runs_.work(m, plan_).first > most_base * unit_) break;
     std::string why = why_;
-    const std::optional<Found> next = from(m, work, plan, plain, seconds_left);
+    const std::optional<Found> next = from(m, work, plan, plain, model, seconds_left);
     why_ = std::move(why);
     if (!next || !(next->share < better * best->share)) break;
     best = next;

@@ -54,9 +54,10 @@ class NetPilot {
   struct Levels;
   const NetMoments* measured(std::int64_t level, bool as_base, double work);
   /// `decay` of E D_k^2 beyond the levels that nets show.
-  std::optional<Levels> levels_of(std::int64_t base_level, double work, const Survey& survey, double decay);
+  std::optional<Levels> levels_of(std::int64_t base_level, double work, const Survey& survey, const LevelModel& model,
+                                  double decay);
   std::optional<Found> from(std::int64_t base_level, double work, const Plan& plan, const Advice& plain,
-                            double seconds_left);
+                            const LevelModel& model, double seconds_left);
 
   const LevelRuns& runs_;
   const Plan& plan_;

@@ -30,6 +30,7 @@ struct LevelModel {
   std::vector<double> variance;     ///< Var D_k
   std::vector<double> mean_square;  ///< (E D_k)^2
   std::vector<double> work;         ///< of D_k alone
+  std::vector<Believed> posterior;  ///< of E D_k^2
 
   [[nodiscard]] std::size_t size() const { return work.size(); }
 };
