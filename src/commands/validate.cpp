@@ -22,13 +22,17 @@ std::vector<const catalog::Problem*> problems_of(const ValidateRequest& request)
   return problems;
 }
 
+std::string estimator_text(const catalog::Choice& choice) {
+  return std::string(catalog::name_of(choice)) + (choice.points == Points::nets ? ", nets" : "");
+}
+
 const Row cell_header = {"status", "problem", "estimator",   "base",    "pmf",        "mean",
                          "truth",  "z",       "work/sample", "seconds", "efficiency", "reason"};
 
 Row row_of(const Cell& cell) {
   const catalog::Problem& p = *cell.problem;
   const std::string pmf = pmf_text(cell.choice);
-  Row row = {std::string(name_of(cell.status)), p.id + " " + p.name, std::string(catalog::name_of(cell.choice)),
+  Row row = {std::string(name_of(cell.status)), p.id + " " + p.name, estimator_text(cell.choice),
              cell.choice.special.empty() ? std::to_string(cell.choice.base_level) : "-",
              cell.has_run && !pmf.empty() ? pmf : "-"};
   if (cell.has_run) {
@@ -97,8 +101,7 @@ ValidateReport validate(const ValidateRequest& request, const Caller& caller,
     if (show) show(cell);
   };
   const auto prepare = [&](const catalog::Problem& p, const catalog::Choice& c, Plan& cell) {
-    caller.attach(
-        cell, p.id + " " + std::string(catalog::name_of(c)) + " " + std::to_string(c.base_level) + " " + pmf_text(c));
+    caller.attach(cell, p.id + " " + estimator_text(c) + " " + std::to_string(c.base_level) + " " + pmf_text(c));
   };
   ValidateReport result{{}, plan.samples, plan.seed, 0};
   result.report = validation::validate(problems_of(request), plan, see, prepare);
@@ -110,7 +113,7 @@ CellTable::CellTable(const ValidateRequest& request) : widths_{12, 0, 17, 4, 0, 
   for (const catalog::Problem* p : problems_of(request)) {
     widths_[1] = std::max(widths_[1], p->id.size() + 1 + p->name.size());
     for (const catalog::Choice& c : validation::choices(*p)) {
-      widths_[2] = std::max(widths_[2], catalog::name_of(c).size());
+      widths_[2] = std::max(widths_[2], estimator_text(c).size());
       widths_[4] = std::max(widths_[4], pmf_text(c).size());
     }
   }

@@ -6,8 +6,11 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <debias/core/stream.hpp>
+#include <debias/pmf/dyadic.hpp>
 
 #include "core/text.hpp"
 
@@ -92,6 +95,19 @@ double predicted_kurtosis(const Problem& problem, const Choice& choice, const Pi
   return std::sqrt(second) > rounding_bound(std::abs(problem.truth)) ? fourth / (second * second) : 1;
 }
 
+// In blocks of nets: as many points of a level as its variance asks for, 32 of the base.
+Choice in_nets(const Problem& problem, Choice choice) {
+  const Rates& rates = problem.rates;
+  const double fall = std::min((rates.variance_decay + rates.work_growth) / 2, 8.0);
+  std::vector<int> log2_counts;
+  for (double m = 5; m >= 0 && log2_counts.size() < 8; m -= fall) log2_counts.push_back(static_cast<int>(m));
+  const Dyadic pmf(std::move(log2_counts), dyadic_exponent(rates));
+  choice.block = pmf.block();
+  choice.pmf = AnyPmf(pmf);
+  choice.points = Points::nets;
+  return choice;
+}
+
 Cell run_cell(const Problem& problem, const Choice& choice, const Plan& plan, const PilotMoments& moments) {
   Cell cell;
   cell.problem = &problem;
@@ -143,6 +159,10 @@ std::vector<Choice> choices(const Problem& problem) {
       choice.pmf = default_pmf(problem, method);
     }
     all.push_back(choice);
+    if (method == Method::single_term_outcome && !is_refused(problem, choice) &&
+        problem.rates.decay == Decay::geometric) {
+      all.push_back(in_nets(problem, choice));
+    }
     if (method != Method::single_term) continue;
     choice.base_level += higher_base;
     all.push_back(choice);

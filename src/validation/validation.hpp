@@ -48,7 +48,8 @@ struct Report {
   double smallest_detectable_bias = 0;
 };
 
-/// The choices that validation runs for a problem, with the PMF its rates ask for; empty PMF: refused.
+/// The choices that validation runs for a problem, with the PMF its rates ask for, and one in blocks of nets; empty PMF:
+/// refused.
 std::vector<Choice> choices(const Problem& problem);
 
 /// The standard error of a run, or what rounding may do to its mean, whichever is larger: where all samples agree,

@@ -11,7 +11,6 @@
 #include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
-#include <debias/core/no_pmf.hpp>
 #include <debias/recipe.hpp>
 
 #include "catalog.hpp"
@@ -84,12 +83,9 @@ void add_run(Runs& r, const catalog::Problem& p, double wish, std::uint64_t seed
     }
     r.squares += error * error;
     r.pilot_shares.push_back(s.pilot_work / s.work);
-  } catch (const NoPmfError& e) {
+  } catch (const std::invalid_argument& e) {  // no PMF, none that can be drawn, or a price that nobody pays
     ++r.refused;
-    name("no PMF");
-  } catch (const UndrawableError& e) {
-    ++r.refused;
-    name("undrawable");
+    name(e.what());
   }
 }
 
