@@ -285,10 +285,22 @@ class Choice {
     advice_.price = 1;
     advice_.pmf = pmf_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.pmf.tail_exponent();
-    advice_.predicted = predict(moments, advice_.pmf);
+    advice_.predicted = predict(drawn_of(moments, advice_.pmf), advice_.pmf);
     advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     advice_.highest_moment = highest_moment_of(survey_, advice_.exponent.exponent);
+  }
+
+  // What a run of so many members is likely to draw: deeper levels have no part in the variance that it shows, and what a
+  // steep PMF would divide the doubt of them by is not to be paid for.
+  [[nodiscard]] TermMoments drawn_of(TermMoments moments, const AnyPmf& pmf) const {
+    constexpr double likely = 1.0 / 16;  // draws
+    const double members = std::max(static_cast<double>(advice_.members), fewest_blocks);
+    for (std::size_t j = 0; j < moments.work.size(); ++j) {
+      if (pmf.tail(static_cast<std::int64_t>(j)) * members >= likely) continue;
+      moments.variance[j] = moments.mean_square[j] = 0;
+    }
+    return moments;
   }
 
   const LevelRuns& runs_;
@@ -362,8 +374,9 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   double size = std::abs(advice.survey.rows.back().mean);
   const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
   const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
-  // What is open may ask for less when the pilot has seen more.
-  if (members > most_affordable && advice.survey.pmf_exists == Answer::yes) refuse_cost(advice, members);
+  // What is not shown may ask for less when the pilot has seen more.
+  const bool shown = advice.survey.pmf_exists == Answer::yes && advice.survey.grade == Grade::shown;
+  if (members > most_affordable && shown) refuse_cost(advice, members);
   return members;
 }
 

@@ -429,7 +429,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       const double mean = e.facts[static_cast<std::size_t>(voice - e.voices.data())].mean;
       const double second = std::exp2(std::clamp(voice->log2_second, -1000.0, 900.0));
       add(drawn ? d.seen : d.undrawn, part_of(second, mean, mass),
-          drawn ? rarity_seen / draws_expected : rarity_seen / draws);
+          drawn ? rarity_seen / draws_expected : 1 / voice->hits);
       continue;
     }
     d.levels.push_back(k);

@@ -71,6 +71,24 @@ class RarityLine {
   double slope_ = 0;
 };
 
+// Of draws that are all the same.
+bool is_constant(const LevelFacts& f) {
+  constexpr double rounding = 1e-9;
+  return std::abs(f.kurtosis - 1) <= rounding && std::abs(f.mean * f.mean / f.second_moment - 1) <= rounding;
+}
+
+// Differences that many draws of several levels, and all others, have shown not to be random: one draw says all of a level.
+bool are_certain(std::span<const LevelFacts> facts) {
+  constexpr int several = 3;
+  int shown = 0;
+  for (const LevelFacts& f : facts) {
+    if (f.is_base || f.draws == 0 || f.second_moment == 0) continue;
+    if (!is_constant(f)) return false;
+    shown += f.draws >= fewest_draws;
+  }
+  return shown >= several;
+}
+
 }  // namespace
 
 void drop_rounding(LevelFacts& f) {
@@ -105,6 +123,7 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
     if (!facts[i].is_base) levels.push_back(i);
   }
   const RarityLine line(voices);
+  const bool certain = are_certain(facts);
   bool started = false;
   bool ended = false;
   int failures = 0;
@@ -118,7 +137,7 @@ std::vector<LevelVoice> voices_of(std::span<const LevelFacts> facts) {
       if (n.raw_hits > 0) rarity = std::max(rarity, std::exp2(n.log2_rarity));
     }
     const auto draws = static_cast<double>(f.draws);
-    v.hits = std::min(v.raw_hits, draws / rarity);
+    v.hits = certain ? std::max(draws, static_cast<double>(fewest_draws)) : std::min(v.raw_hits, draws / rarity);
     if (v.hits < few) {
       if (f.draws < fewest_draws) continue;
       ++failures;
