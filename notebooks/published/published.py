@@ -253,7 +253,7 @@ def run(options):
             words.pop("published_error", None)
             words["seed"] = str(table["seed"] + i)
             key = json.dumps(words)
-            jobs[key] = (words, table.get("error", 0) * options.coarser)
+            jobs[key] = (words, float(words.get("goal", table.get("error", 0))) * options.coarser)
             plan.append((table, row[: len(table["columns"])], figures, key))
     with concurrent.futures.ThreadPoolExecutor(threads_of(options)) as pool:
         asked = {key: pool.submit(ask, options.bin, *job) for key, job in jobs.items()}
@@ -266,7 +266,7 @@ def run(options):
 
 HEAD = """# Published figures, and the library's
 
-`python3 notebooks/published/published.py --write`, at commit {commit}, {seconds} on {threads} threads of a shared machine.
+`{command}`, at commit {commit}: {cpu} of processor, {seconds} on {threads} threads of a shared machine.
 
 Each figure stands in a paper, a test suite or a package's manual, as its table says; `debias` is this library's answer with its standard
 error, by `recipe` to a stated error, from a seed of its own for each row. The library's side uses no closed form: steps in time and
@@ -388,8 +388,10 @@ def main():
         print("unexpected:", line)
     print(f"{agree} figures agree, {differ} differ; {len(surprises)} surprises")
     if options.write:
-        seconds = f"{time.monotonic() - start:.0f} s"
-        head = HEAD.format(commit=commit(), seconds=seconds, threads=threads_of(options), limit=LIMIT)
+        used = os.times()
+        head = HEAD.format(command=" ".join(["python3 notebooks/published/published.py", *sys.argv[1:]]), commit=commit(),
+                           cpu=f"{sum(used[:4]):.0f} s", seconds=f"{time.monotonic() - start:.0f} s",
+                           threads=threads_of(options), limit=LIMIT)
         (HERE / "README.md").write_text(head + "\n".join(lines))
     return 1 if surprises else 0
 
