@@ -202,10 +202,11 @@ def ask(bin_folder, words, error):
             words = {**words, "error": repr(error)}
         text = " ".join(f"{key}={value}" for key, value in words.items()) + "\n"
     done = subprocess.run(command, input=text, capture_output=True, text=True)
-    if done.returncode != 0:
+    if not done.stdout:  # a goal that was missed is an answer, with the error that it has
         raise RuntimeError(f"{' '.join(map(str, command))}: {text}{done.stderr}")
     answer = json.loads(done.stdout)
     answer.setdefault("error", answer.get("standard_error"))
+    answer["warnings"] = [w["text"] if isinstance(w, dict) else w for w in answer.get("warnings", [])]
     return answer
 
 
@@ -258,7 +259,7 @@ def run(options):
     with concurrent.futures.ThreadPoolExecutor(threads_of(options)) as pool:
         asked = {key: pool.submit(ask, options.bin, *job) for key, job in jobs.items()}
         answers = {key: future.result() for key, future in asked.items()}
-    return data, [(table, row, list(judge(table, row, answers[key], figures)), answers[key].get("warnings", []))
+    return data, [(table, row, list(judge(table, row, answers[key], figures)), answers[key]["warnings"])
                   for table, row, figures, key in plan]
 
 
@@ -324,7 +325,7 @@ def section(table, entries, with_equation):
             cells.append("" if good else f"off by {100 * (float(text) / ours - 1):+.2g} %")
             lines.append("| " + " | ".join(cells) + " |")
     for row, _, warnings in entries:
-        lines += [f"\nThe library warns at {', '.join(map(str, row))}: {warning}." for warning in warnings]
+        lines += [f"\nThe library warns at {', '.join(map(str, row))}: {warning.rstrip('.')}." for warning in warnings]
     p = chance(square, agree + differ)
     if is_wrong(table) and not differ:
         surprises.append(f"{table['name']}: nothing differs")
