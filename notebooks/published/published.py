@@ -321,7 +321,7 @@ def section(table, entries, with_equation):
             if not good and not is_wrong(table):
                 surprises.append(f"{table['name']} {row} {name}: published {text}, debias {shown} +- {bar}, z {z:.1f}")
             cells = [*map(str, row), *[name] * has_names, text, shown, bar, f"{z:.2f}" if abs(z) < 100 else f"{z:.0f}"]
-            cells += [f"{exact:.7g}"] * with_equation
+            cells += [f"{exact:.7g}"] if with_equation else []
             cells.append("" if good else f"off by {100 * (float(text) / ours - 1):+.2g} %")
             lines.append("| " + " | ".join(cells) + " |")
     for row, _, warnings in entries:
