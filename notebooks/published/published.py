@@ -327,7 +327,7 @@ def section(table, entries, with_equation):
     for row, _, warnings in entries:
         lines += [f"\nThe library warns at {', '.join(map(str, row))}: {warning.rstrip('.')}." for warning in warnings]
     p = chance(square, agree + differ)
-    if is_wrong(table) and not differ:
+    if with_equation and not differ:
         surprises.append(f"{table['name']}: nothing differs")
     if not is_wrong(table) and p < 1e-6:
         surprises.append(f"{table['name']}: sum of z^2 is {square:.1f} for {agree + differ} figures")
