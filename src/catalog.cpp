@@ -160,6 +160,7 @@ const std::vector<Problem>& problems() {
       digital_delta(),
       call_rho(),
       call_theta(),
+      smoothed_digital_call(),
       // F: nested expectations
       nested_max(),
       nested_square(),

@@ -44,6 +44,18 @@ Problem digital_call() {
                   stock, [paid](double s) { return s > 100 ? paid : 0; }, Branching{}));
 }
 
+Problem smoothed_digital_call() {
+  const BlackScholes<> stock{.start = 100, .rate = 0.05, .volatility = 0.2};
+  const DigitalPayoff payoff{100, 100 * std::exp(-0.05)};
+  using Paths = SdeLevels<Smoothed<MilsteinStep>, BlackScholes<>, debias::detail::EndOnly, DigitalPayoff>;
+  return make({.id = "E19",
+               .name = "smoothed-digital-call",
+               .module = "sde.hpp",
+               .truth = 53.23248154537634034067,
+               .formula = "100 where S_T > 100, Milstein with a conditional last step: 100 exp(-r T) Phi(d_2)"},
+              Paths(stock, {}, payoff, Rates{1.5, 1}));
+}
+
 Problem call_delta() {
   return call_derivative({.id = "E14", .name = "call-delta", .truth = 0.6368306511756190712233, .formula = "delta"}, 1);
 }

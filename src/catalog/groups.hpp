@@ -88,6 +88,7 @@ Problem call_vega();
 Problem digital_delta();
 Problem call_rho();
 Problem call_theta();
+Problem smoothed_digital_call();
 
 // F: nested expectations (nested.cpp)
 Problem nested_max();

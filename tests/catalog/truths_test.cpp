@@ -193,6 +193,7 @@ std::map<std::string, Exact> formulas() {
                                       {"E16", 100 * market.gamma()},
                                       {"E17", market.rho()},
                                       {"E18", market.r * market.rho() + market.sigma * market.vega() / 2},
+                                      {"E19", market.rho()},
                                       {"F01", 1 / sqrt(2 * pi)},
                                       {"F02", 1},
                                       {"F05", 1 / sqrt(pi) - 1 / sqrt(2 * pi)},
