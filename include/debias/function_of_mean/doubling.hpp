@@ -237,6 +237,9 @@ class Doubling {
   /// may be off by, and the least variance of a run: they stay as large while the probabilities of their
   /// levels fall.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires(!has_gap) {
+    return bound_of_rounding(levels);
+  }
+  [[nodiscard]] static BiasBound bound_of_rounding(const LevelTable& levels) {
     if (levels.base().count == 0) return {};
     const auto rms = [](const LevelSums& s) { return std::sqrt(s.square / static_cast<double>(s.count)); };
     const double floor = 4 * std::numeric_limits<double>::epsilon() * rms(levels.base());
