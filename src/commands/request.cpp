@@ -43,6 +43,7 @@ catalog::Method method_of(const Shape& shape, const catalog::Problem& problem) {
     names += (names.empty() ? "" : ", ") + std::string(catalog::name_of(m));
   }
   for (const catalog::Special& s : problem.specials) names += ", " + s.name;
+  names += ", recipe, multilevel";
   throw BadRequest({estimator_field, " = '" + name_of(wanted) + "' (does not apply to " +
                                          (problem.id.empty() ? problem.name : problem.id) + "); it has " + names});
 }
@@ -175,7 +176,7 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
 
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   RecipeOptions options;
-  options.lowest_base = problem.lowest_base;
+  options.lowest_base = std::max(problem.lowest_base, problem.recipe_base);
   options.base_level = shape.base_level;
   options.points = shape.points;
   if (const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf)) {
