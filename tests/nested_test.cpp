@@ -290,6 +290,8 @@ TEST_CASE("nets of members outside nets inside: both expectations grow quiet", "
   const auto outer = [](Stream& rng) { return rng.uniform(); };
   const auto at = [](double y, std::span<const double> x) { return exp_of(y * x[0] - 900); };
   const auto s = nested(outer, at, Cube(1), functions::LogMeanExp{});
+  static_assert(decltype(s)::plain_inside);
+  static_assert(!decltype(nested(normal, around, functions::Exp{}))::plain_inside);  // its draws are those of the point
   const auto run = [&](Points points) {
     return estimate(recipe(s, {.base_level = 4, .points = points}), {.samples = 1 << 13, .seed = 4});
   };

@@ -13,9 +13,8 @@
 // Over a Cube the inner points are a scrambled net given Y (function_of_mean/cubes.hpp): E D_k^2 falls like 2^(-4k) or so for
 // smooth f of an inner expectation in few dimensions, like 2^(-3k) with a kink. With nets of members outside (`recipe`, .points)
 // both expectations are on nets.
-// Nets of members quiet what comes of Y; the noise of an inner net is plain. From too few inner points on it makes up more of a
-// block the larger the block, and a pilot of small ones promises too much: name RecipeOptions::lowest_base, from which on it is
-// small (catalogue I06: errors 1.4 goals from 2 points on, .5 from 16).
+// Nets of members quiet what comes of Y; the noise of an inner net is plain. A recipe knows that. From few inner points it is most
+// of what is left of a block: name a RecipeOptions::lowest_base from which on it is small.
 // f may see Y: f(mean, y), with the gap f.gap(mean, d, y) if it has one. Weights that would underflow: inner draws
 // exp_of(l), and functions::LogMeanExp (functions/log_weights.hpp).
 // Numbers: those of Y first, then those of the draws of X in order; `estimated` draws from streams of its own, plain ones.
@@ -90,6 +89,7 @@ struct ConditionalCube {
   static constexpr double scale = 1;
   static constexpr double extra_work = 1;
   static constexpr Limit limit = Limit::random;
+  static constexpr bool plain_inside = true;
   static constexpr std::int64_t deepest_level = deepest_net_level;
 
   auto points(std::int64_t level, std::int64_t group_level, Stream& rng) const {
@@ -140,6 +140,7 @@ struct CubeGiven {
   std::size_t dimension;
   static constexpr double scale = 1;
   static constexpr double extra_work = 1;
+  static constexpr bool plain_inside = true;
   static constexpr std::int64_t deepest_level = deepest_net_level;
 
   auto points(std::int64_t level, std::int64_t group_level, Stream& rng) const {
@@ -159,6 +160,7 @@ class NestedGiven {
   static constexpr bool has_gap = Inside::has_gap;
   static constexpr bool difference_shows_all = has_gap;
   static constexpr Limit limit = Limit::random;
+  static constexpr bool plain_inside = Inside::plain_inside;
 
   Rates rates;
 

@@ -134,6 +134,9 @@ class Doubling {
     }
   }();
 
+  /// The points of a member are plain numbers, whatever point of a net the member is (survey/levels.hpp).
+  static constexpr bool plain_inside = requires { P::plain_inside; };
+
   Doubling(P points, G g, const Rates& declared) : rates(declared), points_(std::move(points)), g_(std::move(g)) {}
 
   /// Throws, like the members below, std::length_error above level 62.
