@@ -64,7 +64,6 @@ struct Problem {
   std::string formula;  ///< the estimand and its exact value, in words or symbols
   Rates rates{};
   std::int64_t lowest_base = 0;  ///< below it a level has no finite fourth moment
-  std::int64_t recipe_base = 0;  ///< recipes begin there at least: below it nets quiet too little of a level
   std::optional<AnyPmf> pmf;     ///< where the rates alone would choose badly
   std::int64_t sample_cost = 1;  ///< validation draws that many times fewer samples
 

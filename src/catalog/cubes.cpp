@@ -125,15 +125,13 @@ Problem information_gain() {
     }
     return std::exp(0.5 * exponent) * variance;
   };
-  // From 16 inner points on the noise that is left is that of y. With fewer the inner noise, which nets of members do not quiet,
-  // makes up more of a block the larger it is, and a pilot of small blocks promises more than they keep (by 1.4 of a goal).
-  Problem p = make({.id = "I06",
-                    .name = "information-gain",
-                    .module = "nested.hpp",
-                    .truth = 1.609437912434100374600,
-                    .formula = "E log (p(y | theta) / E p(y | theta')), theta ~ N(0, I_2), y ~ N(theta, I_2 / 4): ln 5",
-                    .recipe_base = 4},
-                   nested(observe, around, Cube(2), MinusLog{}, {.rates = Rates{2.5, 1}}));
+  Problem p =
+      make({.id = "I06",
+            .name = "information-gain",
+            .module = "nested.hpp",
+            .truth = 1.609437912434100374600,
+            .formula = "E log (p(y | theta) / E p(y | theta')), theta ~ N(0, I_2), y ~ N(theta, I_2 / 4): ln 5"},
+           nested(observe, around, Cube(2), MinusLog{}, {.rates = Rates{2.5, 1}}));
   const auto from_prior = [](const Observed& o, Stream& rng) {
     double squares = 0;
     for (std::size_t i = 0; i < 2; ++i) {

@@ -25,7 +25,6 @@ struct Facts {
   double truth = 0;
   std::string formula = {};
   std::int64_t lowest_base = 0;
-  std::int64_t recipe_base = 0;
 };
 
 namespace detail {
@@ -44,7 +43,6 @@ Problem make(Facts facts, const S& sequence, [[maybe_unused]] const Terms& terms
   p.truth = facts.truth;
   p.formula = std::move(facts.formula);
   p.lowest_base = facts.lowest_base;
-  p.recipe_base = facts.recipe_base;
   p.rates = rates;
   p.methods = {Method::single_term, Method::single_term_outcome, Method::independent_sum};
   if constexpr (TermSequence<Terms>) p.methods.push_back(Method::roulette);

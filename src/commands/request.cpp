@@ -176,7 +176,7 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
 
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   RecipeOptions options;
-  options.lowest_base = std::max(problem.lowest_base, problem.recipe_base);
+  options.lowest_base = problem.lowest_base;
   options.base_level = shape.base_level;
   options.points = shape.points;
   if (const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf)) {
