@@ -13,8 +13,7 @@
 // Over a Cube the inner points are a scrambled net given Y (function_of_mean/cubes.hpp): E D_k^2 falls like 2^(-4k) or so for
 // smooth f of an inner expectation in few dimensions, like 2^(-3k) with a kink. With nets of members outside (`recipe`, .points)
 // both expectations are on nets.
-// Nets of members quiet what comes of Y; the noise of an inner net is plain. A recipe knows that
-// (plain_inside).
+// Nets of members quiet what comes of Y; the noise of an inner net is plain. A recipe knows that (`plain_inside`).
 // f may see Y: f(mean, y), with the gap f.gap(mean, d, y) if it has one. Weights that would underflow: inner draws
 // exp_of(l), and functions::LogMeanExp (functions/log_weights.hpp).
 // Numbers: those of Y first, then those of the draws of X in order; `estimated` draws from streams of its own, plain ones.
