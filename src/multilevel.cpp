@@ -450,7 +450,9 @@ void print(std::ostream& out, const MultilevelStatistics& s, bool full) {
   out << "bias          " << format("%.2g", s.bias) << " left out, if the differences go on falling like "
       << power_text(-s.alpha, Decay::geometric) << '\n';
   out << "goal          root mean square error " << format("%g", s.goal) << (s.goal_met() ? ": met, " : ": NOT met, ")
-      << format("%.3g", s.error()) << '\n';
+      << format("%.3g", s.error());
+  if (!s.goal_met() && s.error() <= s.goal && s.warnings.empty()) out << ", but a level has not shown its variance";
+  out << '\n';
   if (full) out << "estimator     multilevel, levels 0 to " << std::to_string(s.rows.back().level) << '\n';
   out << "work          " << format("%.4g", s.work) << ", of that " << format("%.4g", s.pilot_work)
       << " in the pilots, which planned the others\nseconds       " << format("%.3g", s.seconds) << '\n';

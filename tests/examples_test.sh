@@ -23,5 +23,5 @@ for source in "$root"/notebooks/cpp/*.cpp; do
   "$bin/example_$name" | judge "$name"
   number=$((number + 1))
 done
-[ "$number" -ge 6 ] || { echo "only $number examples"; exit 1; }
+[ "$number" -ge 10 ] || { echo "only $number examples"; exit 1; }
 echo "$number examples"

@@ -11,7 +11,7 @@ no_callable='
  streams:     fill instructions normal_quantile normal_quantiles normal_density normal_distribution search_tails split split_level exp expm1 log log1p sin
  duals:       abs cos max min positive_part pow smoothness_of sqrt tanh
  nets:        net_bits net_bits_of_pair net_uniforms point_key
- numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws geometric_terms
+ numbers:     base_level_for_pole centre centre_between comb_of_u_statistics contraction doubled_draws exp_of geometric_terms
               poisson_quantile polynomial_terms power_law
  PMFs, rates: best_masses best_tails convergence_rate default_exponent dyadic_exponent finite_exponents inverse_weight
               inverse_weight_error invert_tail judge pmf_exists rates_of rates_of_sum refuse_uniform

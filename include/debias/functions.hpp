@@ -20,5 +20,6 @@
 
 #include <debias/functions/arrays.hpp>
 #include <debias/functions/elementary.hpp>
+#include <debias/functions/log_weights.hpp>
 #include <debias/functions/power_series.hpp>
 #include <debias/functions/powers.hpp>

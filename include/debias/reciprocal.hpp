@@ -15,7 +15,8 @@
 // positive density at 0, the q-th moment of I_k is finite only for 2^k > q: start at base_level_for_pole(1).
 // Where X is zero with probability p, I_k is infinite with probability p^(2^k), unless it is clamped.
 // Throw for a draw outside: clamped (a negative mean), trials, residual (below 0 or above M). Series and product take any
-// X for which they converge. A NaN stays one; infinite means have the reciprocal 0, and differences that are NaN.
+// X for which they converge. X may be the mean over a net, net_mean(f, Cube(d), n): how many points pay is in taylor/sum.hpp;
+// trials and residual gain nothing, for their variance is that of a count. A NaN stays one; infinite means have the reciprocal 0, and differences that are NaN.
 // Sources: Blanchet & Glynn, WSC 2015; Misso et al. 2022 (combs, clamp); Booth 2007; Zeltner et al. 2020
 // (trials); Moka, Kroese & Juneja 2019 (product).
 
@@ -51,6 +52,12 @@ auto reciprocal(X x, const Rates& rates = {2, 1}) {
 template <class F>
 auto reciprocal_of_integral(F f, const IntegralOptions& options = {}) {
   return debias::function_of_integral(std::move(f), functions::Reciprocal{}, options);
+}
+
+/// The same over a cube, on scrambled nets.
+template <CubeIntegrand F>
+auto reciprocal_of_integral(F f, const Cube& cube, const CubeOptions& options = {}) {
+  return debias::function_of_integral(std::move(f), cube, functions::Reciprocal{}, options);
 }
 
 /// 1 / max(m, scale 2^-(level + 1)): the bound vanishes in the limit, so the differences still telescope.
@@ -103,6 +110,10 @@ auto clamped_reciprocal(X x, double scale = 1, const Rates& rates = {2, 1}) {
 template <class F>
 auto clamped_reciprocal_of_integral(F f, double scale = 1, const IntegralOptions& options = {}) {
   return debias::function_of_integral(std::move(f), ClampedReciprocal{scale}, options);
+}
+template <CubeIntegrand F>
+auto clamped_reciprocal_of_integral(F f, const Cube& cube, double scale = 1, const CubeOptions& options = {}) {
+  return debias::function_of_integral(std::move(f), cube, ClampedReciprocal{scale}, options);
 }
 
 /// The terms (1 / a) prod (1 - X_i / a), a a number or a Centre; for roulette [Booth 2007].

@@ -60,6 +60,7 @@ Problem make(Facts facts, const S& sequence, [[maybe_unused]] const Terms& terms
     return levels.pilot(level, draws, seed);
   };
   p.levels = levels.runs();
+  if constexpr (requires { S::plain_inside; }) p.levels.plain_inside = S::plain_inside;
   return p;
 }
 

@@ -43,6 +43,7 @@ catalog::Method method_of(const Shape& shape, const catalog::Problem& problem) {
     names += (names.empty() ? "" : ", ") + std::string(catalog::name_of(m));
   }
   for (const catalog::Special& s : problem.specials) names += ", " + s.name;
+  names += ", recipe, multilevel";
   throw BadRequest({estimator_field, " = '" + name_of(wanted) + "' (does not apply to " +
                                          (problem.id.empty() ? problem.name : problem.id) + "); it has " + names});
 }

@@ -172,7 +172,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
       why_ = "the base level shows a rare value, whose variance is not known from nets";
       return {};
     }
-    NetLevel next{m->variance, m->second_moment, work_of(level), m->kurtosis()};
+    NetLevel next{m->variance, m->second_moment, work_of(level), m->kurtosis(), runs_.plain_inside};
     const bool shown = as_base || !(believed > (m->hits < enough_hits ? 1 : contradicts) * next.second_moment);
     if (!shown) {
       // Rare: what they add up to is not seen in any net, or only rounding is.

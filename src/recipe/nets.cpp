@@ -67,7 +67,8 @@ double fourth_of_tail(const std::vector<NetLevel>& levels, std::size_t first, do
 double NetLevel::variance_of(int octaves, double doubts) const {
   const int last = static_cast<int>(variance.size()) - 1;
   if (octaves <= last) return variance[static_cast<std::size_t>(octaves)];
-  return variance.back() * std::exp2(-lambda_of(variance, doubts) * (octaves - last));
+  const double lambda = plain_beyond ? least_lambda : lambda_of(variance, doubts);
+  return variance.back() * std::exp2(-lambda * (octaves - last));
 }
 
 double NetBlock::members() const {

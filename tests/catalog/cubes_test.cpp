@@ -103,3 +103,21 @@ TEST_CASE("information gain takes less than a tenth of the work of independent d
   CHECK(std::abs(e.mean - gain.truth) < 4.5 * e.standard_error);
   CHECK(10 * nets.work < scale * plain.work);
 }
+
+TEST_CASE("information gain meets a goal of .001 over 16 seeds, in a hundredth of the work of independent draws",
+          "[cubes][catalog][stat]") {
+  const catalog::Problem& gain = catalog::find("I06");
+  constexpr double goal = 1e-3;
+  double squares = 0;
+  double work = 0;
+  for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+    const Statistics s = by_recipe(gain, {.seed = seed, .threads = 1, .goal = {.error = goal}}, std::nullopt);
+    const ComponentEstimate& e = s.components.front();
+    CHECK(e.standard_error <= 1.25 * goal);
+    squares += std::pow((e.mean - gain.truth) / goal, 2) / 16;
+    work += s.work / 16;
+  }
+  CAPTURE(squares, work);
+  CHECK(std::sqrt(squares) <= 1.1);
+  CHECK(work < 6e6);  // of independent draws from the prior: 6e6 at a goal of .01, 100 times that here
+}

@@ -186,6 +186,11 @@ TEST_CASE("beyond the measured octaves a variance goes on like over the upper ha
   CHECK(NetLevel{{1, 1}, 1, 1}.variance_of(3) == Approx(0.25));         // never slower than plain numbers
   CHECK(NetLevel{{1, 1e-9}, 1, 1}.variance_of(2) == Approx(1e-9 / 8));  // nor faster than nets can
   CHECK(NetLevel{{1, 0}, 1, 1}.variance_of(9) == 0);
+  // A level with plain numbers of its own falls like one of them from there on.
+  NetLevel plain = level;
+  plain.plain_beyond = true;
+  CHECK(plain.variance_of(4) == 0.005);
+  CHECK(plain.variance_of(6) == 0.005 / 4);
   CHECK_THROWS_AS(net_blocks({}, 1, [](const NetBlock&) { return true; }), std::invalid_argument);
   // Levels without any variance end the growth.
   const std::vector<NetLevel> zeros(4, NetLevel{{0, 0}, 0, 1});

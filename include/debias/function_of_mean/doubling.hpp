@@ -134,6 +134,9 @@ class Doubling {
     }
   }();
 
+  /// The points of a member are plain numbers, whatever point of a net the member is (survey/levels.hpp).
+  static constexpr bool plain_inside = requires { P::plain_inside; };
+
   Doubling(P points, G g, const Rates& declared) : rates(declared), points_(std::move(points)), g_(std::move(g)) {}
 
   /// Throws, like the members below, std::length_error above level 62.
@@ -237,6 +240,9 @@ class Doubling {
   /// may be off by, and the least variance of a run: they stay as large while the probabilities of their
   /// levels fall.
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires(!has_gap) {
+    return bound_of_rounding(levels);
+  }
+  [[nodiscard]] static BiasBound bound_of_rounding(const LevelTable& levels) {
     if (levels.base().count == 0) return {};
     const auto rms = [](const LevelSums& s) { return std::sqrt(s.square / static_cast<double>(s.count)); };
     const double floor = 4 * std::numeric_limits<double>::epsilon() * rms(levels.base());

@@ -66,12 +66,14 @@ struct Ratio {
   }
   template <RealArray M>
   double gap(const M& m, const M& d) const {
-    const double bottom = component(m, 1);
-    const double bottom_d = component(d, 1);
-    double top = component(d, 0) - (*this)(m)*bottom_d;
-    if (std::abs(top) < 0.0625 * std::abs(component(d, 0))) [[unlikely]]  // nearly the same ratio in both halves
-      top = determinant(component(d, 0), bottom_d, component(m, 0), bottom);
-    return top / (bottom + bottom_d) * (bottom_d / (bottom - bottom_d));
+    return gap_of(component(m, 0), component(m, 1), component(d, 0), component(d, 1));
+  }
+  /// The gap of top / bottom, with half the differences of both.
+  static double gap_of(double top, double bottom, double top_d, double bottom_d) {
+    double apart = top_d - top / bottom * bottom_d;
+    if (std::abs(apart) < 0.0625 * std::abs(top_d)) [[unlikely]]  // nearly the same ratio in both halves
+      apart = determinant(top_d, bottom_d, top, bottom);
+    return apart / (bottom + bottom_d) * (bottom_d / (bottom - bottom_d));
   }
   /// (r_a - r_b) (w_a - w_b) / (w_a + w_b) / 2, r = ratio and w = weight of a half.
   template <RealArray M>

@@ -26,6 +26,7 @@ struct NetLevel {
   double second_moment = 0;      ///< E D^2
   double work = 1;               ///< of a point
   double kurtosis = 3;           ///< of a point: E D^4 / (E D^2)^2
+  bool plain_beyond = false;     ///< lambda is 1 beyond what was measured
 
   /// V(2^octaves). Beyond the measured octaves lambda is one fitted to a few nets: `doubts` of its standard errors are taken from
   /// it, so that a block whose gain is hoped for only shows it.

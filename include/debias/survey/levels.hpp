@@ -74,6 +74,9 @@ struct LevelRuns {
   std::function<Statistics(std::int64_t level, const Plan& plan)> draw;
   /// The last level that can be drawn.
   std::int64_t deepest_level = deepest_of_all;
+  /// Beside the numbers of its point a member draws many plain ones (`S::plain_inside`): a mean over ever more points falls
+  /// like one over plain members in the end, however it begins.
+  bool plain_inside = false;
   /// Mean work of I_k alone and of D_k alone over a few draws.
   std::function<std::pair<double, double>(std::int64_t level, const Plan& plan)> work;
   /// Empty where the sequence has no shared base.
@@ -412,6 +415,7 @@ LevelRuns level_runs(const S& sequence) {
     detail::draw_levels(runs, sequence);
   }
   runs.facts = facts_of(sequence);
+  if constexpr (requires { S::plain_inside; }) runs.plain_inside = S::plain_inside;
   if constexpr (ChecksPoints<S>) {
     runs.missed = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
       return detail::missed_of(sequence, level, draws, seed);
