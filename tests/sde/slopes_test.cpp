@@ -5,6 +5,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <stdexcept>
+
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+#include <debias/sde/likelihood_ratio.hpp>
 
 #include "catch_shim.hpp"
 
@@ -116,7 +121,7 @@ TEST_CASE(
   for (const std::int64_t k : {1, 2, 4}) {
     double sum = 0;
     double square = 0;
-    const int n = 4000;
+    const int n = 16000;
     for (std::uint64_t i = 0; i < n; ++i) {
       Stream rng(7, i);
       Stream other(9, i);
@@ -193,4 +198,22 @@ TEST_CASE("a summary of slopes draws what that of numbers draws, and a NaN stays
   greatest.add(Bridge{1, std::nan(""), 1, 1}, 0.5);
   greatest.add(Bridge{1, 2, 1, 1}, 0.5);
   CHECK(std::isnan(greatest.maximum));
+}
+
+TEST_CASE("scores of the lognormal law have the gamma of a digital, which no tree has", "[sde][statistical]") {
+  const BlackScholes<> stock{.start = 100, .rate = 0.05, .volatility = 0.2};
+  const double paid = 100 * std::exp(-0.05);
+  const auto levels =
+      likelihood_ratio(Branched<MilsteinStep>{}, stock, [paid](double x) { return x > 100 ? paid : 0; });
+  const auto r = estimate(single_term(levels, {.base_level = 3}), {.samples = 1 << 14, .seed = 67});
+  const double density = paid * normal_density(0.15);
+  const double truth[] = {53.23248154537634, 1.876201734584689, -density * 0.35 / 0.2, -density * 0.35 / 400};
+  INFO(r);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& c = r.components[i];
+    CHECK(std::abs(c.mean - truth[i]) < 4.5 * c.standard_error);
+    CHECK(std::abs(c.mean - 1.5 * truth[i]) > 4.5 * c.standard_error);
+  }
+  CHECK_THROWS_AS(likelihood_ratio(MilsteinStep{}, BlackScholes<>{.start = -1}, [](double x) { return x; }),
+                  std::invalid_argument);
 }
