@@ -160,6 +160,9 @@ const std::vector<Problem>& problems() {
       digital_delta(),
       call_rho(),
       call_theta(),
+      lookback_delta(),
+      barrier_delta(),
+      asian_delta(),
       smoothed_digital_call(),
       // F: nested expectations
       nested_max(),

@@ -168,6 +168,21 @@ refused 'takes the coordinates of a point' 'function_of_integral([](double x, do
 refused 'is no value' 'function_of_integral([](std::span<const double>) { return "one"; }, Cube(2), functions::Log{});'
 refused 'over a Cube takes outer' 'nested([](Stream& rng) { return rng.uniform(); }, [](double y, double x) { return x + y; }, Cube(1), functions::Log{});'
 
+# ---- slopes of paths
+echo '#include <debias/sde/sensitivities.hpp>' >> "$work/all.hpp"
+spot='const auto model = []<class X>(const X& s) { return BlackScholes<X>{.start = s, .volatility = X(0.2)}; };'
+tree='Branched<Smoothed<MilsteinStep>>{}'
+accepted "$spot std::cout << estimate(single_term(sensitivities($tree, model, discounted(DigitalPayoff{1}), 1.0)));"
+accepted "$spot std::cout << estimate(single_term(sensitivities(Branched<MilsteinStep>{}, model, Average{}, [](const auto& p) { return positive_part(p.average() - 1); }, Rates{1.67, 1.2}, 1.0)));"
+refused 'does not know its expectation' "$spot struct P { Dual<1> operator()(const Dual<1>& x) const { return x * x; } }; sensitivities($tree, model, P{}, 1.0);"
+refused 'does not know its expectation' "$spot std::cout << estimate(recipe(sensitivities($tree, model, [](const auto& x) { return exp(x); }, 1.0)));"
+refused 'does not know its expectation' "$spot single_term(second_sensitivities($tree, model, discounted([](const auto& x) { return x; }), 1.0));"
+refused 'a payoff that jumps' "$spot single_term(component_of(sensitivities(MilsteinStep{}, model, DigitalPayoff{1}, 1.0), 1));"
+refused 'a payoff with a kink' "$spot single_term(second_sensitivities(Branched<MilsteinStep>{}, model, CallPayoff{1}, 1.0));"
+refused 'no summary of it' "$spot sensitivities($tree, model, Minimum{}, [](const auto& p) { return p.minimum; }, Rates{2, 1}, 1.0);"
+refused 'is no model of dual numbers' "sensitivities(MilsteinStep{}, [](const auto& s) { return s; }, CallPayoff{1}, 1.0);"
+refused 'needs diffusion_derivative' "struct M { Dual<1> start; double horizon; Dual<1> drift(const Dual<1>& x, double) const { return x; } Dual<1> diffusion(const Dual<1>& x, double) const { return x; } }; sensitivities(MilsteinStep{}, [](const auto& s) { return M{s, 1.0}; }, CallPayoff{1}, 1.0);"
+
 # Each case is a function on a line of its own: `N<tab>words` says which lines are refused, and how.
 awk -F '\t' '{ print "void case_" NR "() { " $2 " }" }' "$work/cases" > "$work/bodies"
 awk -F '\t' '$1 != "" { print NR "\t" $1 }' "$work/cases" > "$work/expected"

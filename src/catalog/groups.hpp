@@ -88,6 +88,9 @@ Problem call_vega();
 Problem digital_delta();
 Problem call_rho();
 Problem call_theta();
+Problem lookback_delta();
+Problem barrier_delta();
+Problem asian_delta();
 Problem smoothed_digital_call();
 
 // F: nested expectations (nested.cpp)

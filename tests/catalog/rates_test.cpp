@@ -78,11 +78,11 @@ TEST_CASE("E06, F02: surveys measure the exact level moments", "[catalog][survey
   CHECK(worst_z("F02", times(1.1, f02_mean), f02_square) > 5.5);
 }
 
-TEST_CASE("E19: its levels have the variances that the manual of the R package mlmc prints, mcqmc06_l, option 4",
+TEST_CASE("E22: its levels have the variances that the manual of the R package mlmc prints, mcqmc06_l, option 4",
           "[catalog][survey][statistical]") {
   const std::array variance{0.20133, 1.9232, 1.2802, 0.55631};  // of 200,000 draws
   const std::array kurtosis{11.201, 18.604, 22.584, 29.910};
-  const Survey s = survey(find("E19").levels, 5, {.samples = 1 << 15, .seed = 5});
+  const Survey s = survey(find("E22").levels, 5, {.samples = 1 << 15, .seed = 5});
   CHECK(std::abs(s.rows[0].mean - 56.951) < 5e-4);  // one step: a formula, without noise
   const auto worst = [&](double factor) {
     double z = 0;

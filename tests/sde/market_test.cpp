@@ -10,6 +10,7 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/no_pmf.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/sde/heston.hpp>
 #include <debias/sde/sensitivities.hpp>
 
 #include "catch_shim.hpp"
@@ -116,6 +117,49 @@ TEST_CASE("Heston: price and delta of a call beside the characteristic function"
   const auto g = estimate(single_term(heston(dual, CallPayoff{105})), {.samples = 1 << 14, .seed = 53});
   CHECK(std::abs(g.mean.slopes[0] - delta) < 4.5 * g.standard_error.slopes[0]);
   CHECK(std::abs(g.mean.slopes[0] - 1.05 * delta) > 4.5 * g.standard_error.slopes[0]);
+}
+
+TEST_CASE("Heston's paths: the price by antithetic twins, whose rates let a PMF exist; plain Milstein's do not",
+          "[sde][statistical]") {
+  const Heston<> m{.start = 100, .rate = 0.03, .variance = rate, .correlation = -0.7};
+  const auto call = [](const HestonPaths::State& x) { return std::exp(-0.03) * positive_part(x[0] - 105); };
+  const auto twins = heston_paths(m, call);
+  const double truth = heston_call(m, 105);
+  const auto r = estimate(single_term(twins, {.base_level = 2}), {.samples = 1 << 14, .seed = 59});
+  INFO(r << truth);
+  CHECK(std::abs(r.mean - truth) < 4.5 * r.standard_error);
+  CHECK(std::abs(r.mean - 1.1 * truth) > 4.5 * r.standard_error);
+  const auto fall = [](const auto& levels) {
+    const auto square = [&levels](std::int64_t k) {
+      double sum = 0;
+      for (std::uint64_t i = 0; i < 2000; ++i) {
+        Stream rng(61, i);
+        const double d = levels(k, rng).difference;
+        sum += d * d;
+      }
+      return sum;
+    };
+    return std::log2(square(4) / square(6)) / 2;
+  };
+  CHECK(fall(twins) > 1.7);
+  CHECK(fall(milstein(HestonPaths(m), call, {1, 1})) < 1.5);
+  // a variance that touches 0
+  Heston<> rough = m;
+  rough.variance.volatility = 0.6;
+  CHECK(fall(heston_paths(rough, call)) < 1.5);
+  CHECK_THROWS_AS(single_term(heston_paths(rough, call)), NoPmfError);
+
+  // where the variance is 0 or below it has no noise, and no slope of it
+  const HestonPaths paths(m);
+  for (const double v : {0.0, -0.01}) {
+    const HestonPaths::State low(100, v);
+    CHECK(paths.diffusion(low, 0).isZero());
+    CHECK(paths.diffusion_along(low, 0, {1, 0}).isZero());
+    CHECK(paths.drift(low, 0)[1] == 2 * 0.04);
+  }
+  CHECK_THROWS_AS(HestonPaths(Heston<>{.variance = rate, .correlation = 1}), std::invalid_argument);
+  CHECK_THROWS_AS(HestonPaths(Heston<>{.start = -1, .variance = rate}), std::invalid_argument);
+  CHECK_THROWS_AS(HestonPaths(Heston<>{.variance = {.volatility = -1}}), std::invalid_argument);
 }
 
 TEST_CASE("a local volatility has the derivative of its function", "[sde][exact]") {

@@ -232,6 +232,48 @@ Dual<n, T> normal_distribution(const Dual<n, T>& x) {
   return detail::chain<n, T>(normal_distribution(x.value), normal_density(x.value), x);
 }
 
+namespace detail {
+
+/// (e^v - 1) / v and log(1 + u) / u, of any number, at 0 by their series.
+template <class X>
+X exp_ratio(const X& v) {
+  using std::exp;
+  if (!(std::abs(static_cast<double>(v)) < 0.1)) return (exp(v) - 1) / v;
+  X sum = X(1);
+  for (int n = 11; n >= 2; --n) sum = sum * v / n + 1;
+  return sum;
+}
+template <class X>
+X log_ratio(const X& u) {
+  using std::log;
+  if (!(std::abs(static_cast<double>(u)) < 0.04)) return log(X(u + 1)) / u;
+  X sum = X(1.0 / 12);
+  for (int n = 11; n >= 1; --n) sum = 1.0 / n - sum * u;
+  return sum;
+}
+/// The mean of the normal density over [-z, q - z].
+template <class X>
+X mean_density(const X& z, const X& q) {
+  if (!(std::abs(static_cast<double>(q)) < 0.05)) {
+    return (normal_distribution(X(q - z)) - normal_distribution(X(-z))) / q;
+  }
+  // Hermite polynomials: the derivatives of the density
+  X below = X(0);
+  X hermite = X(1);
+  X factor = X(1);
+  X sum = X(1);
+  for (int n = 1; n <= 8; ++n) {
+    const X next = z * hermite - static_cast<double>(n - 1) * below;
+    below = hermite;
+    hermite = next;
+    factor = factor * q / (n + 1);
+    sum = sum + factor * hermite;
+  }
+  return sum * normal_density(z);
+}
+
+}  // namespace detail
+
 // What no mean of slopes knows: a jump.
 template <std::size_t n, class T, class S>
 void operator<(const Dual<n, T>& a, const S& b) = delete;

@@ -41,10 +41,7 @@ class SdeLevels {
     NoPath(const M& /*model*/, const Summary& /*summary*/) {}
   };
   using Twin = std::conditional_t<Step::is_antithetic, Path, NoPath>;
-  static constexpr bool draws_bridges = [] {
-    if constexpr (BridgeSummary<Summary>) return static_cast<bool>(Summary::uses_number);
-    return false;
-  }();
+  static constexpr bool draws_bridges = detail::Steps<Step, M, Summary>::draws_bridges;
   using Paths = detail::Paths<Step, M, Summary>;
   using Numbers = detail::PathNumbers<draws_bridges>;
   using NettedNumbers = detail::BridgedPathNumbers<draws_bridges>;

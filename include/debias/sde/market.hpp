@@ -10,8 +10,7 @@
 //
 // Y stays positive where a > 0. E D_k^2 ~ 2^(-2 k) if 2 reversion mean > 3 volatility^2 [Alfonsi 2013], which `rates()` declares;
 // from level 7 or so on; else 2^-k is all that is known, and no PMF. A model that is not defined throws std::invalid_argument before the first draw.
-// Only payoffs of S_T have Black's formula: a path of S under Heston is a VectorSde (sde/vector.hpp), and under Euler's
-// scheme has no PMF.
+// Only payoffs of S_T have Black's formula: others take paths of S and V (sde/heston.hpp).
 // Sources: Alfonsi, Statist. Probab. Lett. 83 (2013); Dereich, Neuenkirch, Szpruch, Proc. R. Soc. A 468 (2012); Romano &
 // Touzi, Math. Finance 7 (1997).
 
@@ -146,6 +145,15 @@ struct GivenVariance {
   }
 };
 
+template <class X>
+void check_heston(const Heston<X>& model) {
+  require_positive("heston: start", static_cast<double>(model.start));
+  const auto rho = static_cast<double>(model.correlation);
+  if (!(rho > -1 && rho < 1)) {
+    throw std::invalid_argument("heston: correlation = " + format("%g", rho) + " (must lie in (-1, 1))");
+  }
+}
+
 }  // namespace detail
 
 /// Discounted E payoff(S_T) of CallPayoff, PutPayoff, DigitalPayoff or a payoff with `lognormal`; of dual numbers with its
@@ -153,11 +161,7 @@ struct GivenVariance {
 /// Throws std::invalid_argument as CoxIngersollRoss does, and unless the start is positive and the correlation in (-1, 1).
 template <class X, class P>
 auto heston(const Heston<X>& model, P payoff) {
-  detail::require_positive("heston: start", static_cast<double>(model.start));
-  const auto rho = static_cast<double>(model.correlation);
-  if (!(rho > -1 && rho < 1)) {
-    throw std::invalid_argument("heston: correlation = " + detail::format("%g", rho) + " (must lie in (-1, 1))");
-  }
+  detail::check_heston(model);
   using F = detail::GivenVariance<X, P>;
   return SdeLevels<OwnStep, CoxIngersollRoss<X>, detail::VariancePath<X>, F>(
       model.variance, {}, F{model, std::move(payoff)}, model.variance.rates());

@@ -21,6 +21,7 @@
 #include <debias/core/stream.hpp>
 #include <debias/core/stream_batch.hpp>
 #include <debias/core/value.hpp>
+#include <debias/sde/dual.hpp>
 #include <debias/sde/models.hpp>
 #include <debias/sde/summaries.hpp>
 
@@ -62,7 +63,14 @@ template <class F, class Summary, class State>
 template <class Step, class M, class Summary>
 struct Steps {
   using State = state_of<M>;
-  static constexpr bool takes_bridges = BridgeSummary<Summary> && std::same_as<State, double>;
+  static constexpr bool takes_bridges = [] {
+    if constexpr (is_number<State>) return BridgeSummary<Summary, BridgeOf<State, time_of<M>>>;
+    return false;
+  }();
+  static constexpr bool draws_bridges = [] {
+    if constexpr (takes_bridges) return static_cast<bool>(Summary::uses_number);
+    return false;
+  }();
 
   /// One step of length h.
   template <class H, class Noise>
@@ -70,7 +78,7 @@ struct Steps {
     const auto b = Step::diffusion(model, x, t);
     State next = Step::advance(model, x, t, h, b, dw);
     if constexpr (takes_bridges) {
-      summary.add(Bridge{x, next, b, h}, u);
+      summary.add(BridgeOf<State, time_of<M>>{x, next, b, h}, u);
     } else {
       summary.add(x, next, h);
     }
@@ -83,9 +91,10 @@ struct Steps {
                           const Noise& dw2, double u1, double u2) {
     const Noise both = dw1 + dw2;
     if constexpr (takes_bridges) {
-      const double b = Step::diffusion(model, x, t);
-      const double next = Step::advance(model, x, t, 2 * h, b, both);
-      const double middle = (x + next + b * (dw1 - dw2)) / 2;
+      using Bridge = BridgeOf<State, time_of<M>>;
+      const State b = Step::diffusion(model, x, t);
+      const State next = Step::advance(model, x, t, H(2 * h), b, both);
+      const State middle = (x + next + b * (dw1 - dw2)) / 2;
       summary.add(Bridge{x, middle, b, h}, u1);
       summary.add(Bridge{middle, next, b, h}, u2);
       x = next;
@@ -94,6 +103,22 @@ struct Steps {
     }
   }
 };
+
+/// A payoff that knows its expectation over a normal law: sde/payoffs.hpp.
+template <class F, class X>
+concept KnowsExpectation = requires(const F& payoff, const X& x) {
+  payoff.expected(x, x);
+};
+
+/// Whether the last step of Smoothed has the skew of Milstein's: its scheme, model and payoff must know of it.
+template <class Step, class M, class F>
+inline constexpr bool is_skewed = [] {
+  if constexpr (Step::has_skew && DifferentiableSde<M>) {
+    return requires(const F& p, const state_of<M>& x) { p.expected(x, x, x); };
+  } else {
+    return false;
+  }
+}();
 
 /// One path.
 template <class Step, class M, class Summary>
@@ -115,20 +140,38 @@ class Path : Steps<Step, M, Summary> {
   auto pay(const F& payoff) const {
     return detail::pay(payoff, summary_, x_);
   }
-  /// The expectation over a step of Euler's scheme of length h, of whose increment `dw` is known and `left` is the time of
-  /// what is not.
+  /// The expectation over the last step, of length h, of whose increment `dw` is known and `left` is the time of what is not:
+  /// over the law of sde/schemes.hpp, Smoothed.
   template <class F, class H>
   auto expect(const F& payoff, const H& t, const H& h, const H& dw, const H& left) const {
     using std::abs;
+    using std::exp;
     using std::sqrt;
-    const state_of<M> b = Step::diffusion(model_, x_, t);
-    const state_of<M> mean = x_ + model_.drift(x_, t) * h + b * dw;
-    std::remove_cvref_t<decltype(payoff.expected(mean, b))> value =
-        payoff.expected(mean, state_of<M>(abs(b) * sqrt(left)));
-    return is_finite_state(mean) ? value : debias::nan_like(std::move(value));
+    using X = state_of<M>;
+    const X b = Step::diffusion(model_, x_, t);
+    const X still = x_ + model_.drift(x_, t) * h;
+    const H root = sqrt(left);
+    if constexpr (is_skewed<Step, M, F>) {
+      const X slope = model_.diffusion_derivative(x_, t);
+      const H passed = h - left;
+      const X drawn = dw - slope * passed / 2;
+      const X growth = slope * drawn;
+      const X mean = still + b * drawn * exp_ratio(growth);
+      const X skew = slope * root;
+      return finite(
+          mean, payoff.expected(mean, X(abs(b) * exp(growth) * root), static_cast<double>(b) < 0 ? X(-skew) : skew));
+    } else {
+      const X mean = still + b * dw;
+      return finite(mean, payoff.expected(mean, X(abs(b) * root)));
+    }
   }
 
  private:
+  template <class V>
+  static V finite(const state_of<M>& mean, V value) {
+    return is_finite_state(mean) ? value : debias::nan_like(std::move(value));
+  }
+
   const M& model_;
   state_of<M> x_;
   Summary summary_;

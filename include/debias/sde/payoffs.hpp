@@ -3,17 +3,21 @@
 // Payoffs of the end of a path that know their expectation over a normal law, for the conditional last step.
 //
 //   E (X - K)^+ = (m - K) Phi(d) + s phi(d),   P(X > K) = Phi(d),   d = (m - K) / s,   X ~ N(m, s^2)
+//   E (X - K)^+ = (m - K) Phi(d) + s (Phi(d + q) - Phi(d)) / q,     d = -log(1 + q (K - m) / s) / q - q / 2,
+//                                                                  X = m + s (exp(q Z - q^2 / 2) - 1) / q,  Z ~ N(0, 1)
 //
 // and over a lognormal one, Black's formula: p.lognormal(forward, deviation of the logarithm).
-// Notation: K = strike, m = mean, s = deviation, phi and Phi = density and distribution of N(0, 1). A payoff of yours takes part
-// with two members, `p(x)` and `p.expected(mean, deviation)`, of any number type; one that depends on the model has `p.at(model)`,
-// which returns such a payoff.
+// Notation: K = strike, m = mean, s = deviation, q = skew, phi and Phi = density and distribution of N(0, 1). A payoff of yours
+// takes part with two members, `p(x)` and `p.expected(mean, deviation)`, of any number type, and with
+// `p.expected(mean, deviation, skew)` in the quieter last step of Milstein's scheme (sde/schemes.hpp); one that depends on the
+// model has `p.at(model)`, which returns such a payoff.
 // Fails where s = 0, with NaN. Sources: Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 7.2.3;
 // Burgos & Giles, arXiv 1102.1348.
 
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -46,6 +50,24 @@ Dual<n, T> expected_call(const Dual<n, T>& gap, const Dual<n, T>& deviation) {
   return chain<n, T>(gap.value * above + deviation.value * density, above, gap, density, deviation);
 }
 
+/// -d of the law with a skew, for a level that lies `gap` below its mean; infinite where the law does not reach the level.
+template <class X>
+X skewed_quantile(const X& gap, const X& deviation, const X& skew) {
+  const X below = -gap / deviation;
+  const X u = skew * below;
+  if (static_cast<double>(u) <= -1) {
+    const double infinity = std::numeric_limits<double>::infinity();
+    return X(static_cast<double>(skew) > 0 ? -infinity : infinity);
+  }
+  return below * log_ratio(u) + skew / 2;
+}
+template <class X>
+X skewed_call(const X& gap, const X& deviation, const X& skew) {
+  const X z = skewed_quantile(gap, deviation, skew);
+  if (std::isinf(static_cast<double>(z))) return static_cast<double>(z) < 0 ? gap : X(0);
+  return gap * normal_distribution(X(-z)) + deviation * mean_density(z, skew);
+}
+
 /// d_2 of Black's formula.
 template <class X>
 X log_moneyness(const X& forward, double strike, const X& deviation) {
@@ -69,6 +91,10 @@ struct CallPayoff {
     return detail::expected_call(X(mean - strike), deviation);
   }
   template <class X>
+  X expected(const X& mean, const X& deviation, const X& skew) const {
+    return detail::skewed_call(X(mean - strike), deviation, skew);
+  }
+  template <class X>
   X lognormal(const X& forward, const X& deviation) const {
     const X d = detail::log_moneyness(forward, strike, deviation);
     return forward * normal_distribution(X(d + deviation)) - strike * normal_distribution(d);
@@ -89,6 +115,10 @@ struct PutPayoff {
     return detail::expected_call(X(strike - mean), deviation);
   }
   template <class X>
+  X expected(const X& mean, const X& deviation, const X& skew) const {
+    return detail::skewed_call(X(strike - mean), deviation, X(-skew));
+  }
+  template <class X>
   X lognormal(const X& forward, const X& deviation) const {
     const X d = detail::log_moneyness(forward, strike, deviation);
     return strike * normal_distribution(X(-d)) - forward * normal_distribution(X(-d - deviation));
@@ -107,6 +137,12 @@ struct DigitalPayoff {
     return paid * normal_distribution(X((mean - strike) / deviation));
   }
   template <class X>
+  X expected(const X& mean, const X& deviation, const X& skew) const {
+    const X z = detail::skewed_quantile(X(mean - strike), deviation, skew);
+    if (std::isinf(static_cast<double>(z))) return X(static_cast<double>(z) < 0 ? paid : 0);
+    return paid * normal_distribution(X(-z));
+  }
+  template <class X>
   X lognormal(const X& forward, const X& deviation) const {
     return paid * normal_distribution(detail::log_moneyness(forward, strike, deviation));
   }
@@ -123,9 +159,15 @@ struct Scaled {
     return factor * payoff(x);
   }
   template <class Y>
-  auto expected(const Y& mean, const Y& deviation) const {
-    return factor * payoff.expected(mean, deviation);
+  auto expected(const Y& mean, const Y& deviation) const requires requires(const P& p) {
+    p.expected(mean, deviation);
   }
+  { return factor * payoff.expected(mean, deviation); }
+  template <class Y>
+  auto expected(const Y& mean, const Y& deviation, const Y& skew) const requires requires(const P& p) {
+    p.expected(mean, deviation, skew);
+  }
+  { return factor * payoff.expected(mean, deviation, skew); }
 };
 }  // namespace detail
 

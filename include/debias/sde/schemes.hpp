@@ -21,6 +21,8 @@ struct EulerStep {
   static constexpr bool is_antithetic = false;
   static constexpr bool is_branched = false;
   static constexpr bool is_smoothed = false;
+  static constexpr bool has_skew = false;          ///< in the last step of Smoothed
+  static constexpr bool needs_derivative = false;  ///< of the diffusion in x
 
   template <ScalarSde M>
   static std::int64_t noises(const M& /*model*/) {
@@ -42,6 +44,9 @@ struct EulerStep {
 };
 
 struct MilsteinStep : EulerStep {
+  static constexpr bool has_skew = true;
+  static constexpr bool needs_derivative = true;
+
   template <DifferentiableSde M, class T, class H>
   static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
                                      const detail::state_of<M>& b, const H& dw) {
@@ -51,6 +56,8 @@ struct MilsteinStep : EulerStep {
 
 /// The model's own step, `step(x, t, h, dw)`, of strong order one like Milstein's.
 struct OwnStep : MilsteinStep {
+  static constexpr bool needs_derivative = false;
+
   template <ScalarSde M, class T, class H>
   static detail::state_of<M> advance(const M& model, const detail::state_of<M>& x, const T& t, const H& h,
                                      const detail::state_of<M>& /*b*/, const H& dw) {
@@ -58,8 +65,13 @@ struct OwnStep : MilsteinStep {
   }
 };
 
-/// The same scheme, but for its last step: not drawn, Euler's step is what the payoff takes its expectation over. The coarse path
+/// The same scheme, but for its last step: not drawn, it is what the payoff takes its expectation over. The coarse path
 /// of a level does so given the first half of the increment, and keeps its mean by that.         [Burgos & Giles 2012]
+/// That step is Euler's; under Milstein's scheme, where model and payoff know of it (diffusion_derivative, sde/payoffs.hpp),
+///
+///   X <- X + a h + b (exp(b_x dW - b_x^2 h / 2) - 1) / b_x,
+///
+/// Milstein's but for h^(3/2), and increasing in dW. Euler's differs by b b_x h / 2, which is most of D_k at small volatilities.
 template <class Step>
 struct Smoothed : Step {
   static constexpr bool is_smoothed = true;

@@ -22,40 +22,49 @@
 #include <utility>
 
 #include <debias/core/stream.hpp>
+#include <debias/core/value.hpp>
+#include <debias/sde/dual.hpp>
 
 namespace debias {
 
-/// A step of a path, or half a step: the ends, the time between them and the diffusion along it.
-struct Bridge {
-  double from;
-  double to;
-  double diffusion;
-  double length;
+/// A step of a path, or half a step: the ends, the time between them and the diffusion along it; of any number type.
+template <class X, class Time = double>
+struct BridgeOf {
+  X from;
+  X to;
+  X diffusion;
+  Time length;
 
   /// Quantiles of the extremes, u in (0, 1).
-  [[nodiscard]] double minimum(double u) const { return (from + to - reach(u)) / 2; }
-  [[nodiscard]] double maximum(double u) const { return (from + to + reach(u)) / 2; }
+  [[nodiscard]] X minimum(double u) const { return (from + to - reach(u)) / 2; }
+  [[nodiscard]] X maximum(double u) const { return (from + to + reach(u)) / 2; }
   /// Quantile of the integral over the time.
-  [[nodiscard]] double integral(double u) const {
-    return length * (from + to) / 2 + diffusion * std::sqrt(length * length * length / 12) * normal_quantile(u);
+  [[nodiscard]] X integral(double u) const {
+    using std::sqrt;
+    return length * (from + to) / 2 + diffusion * sqrt(Time(length * length * length / 12)) * normal_quantile(u);
   }
   /// The probability to have crossed, from ends that lie `a` and `b` on the good side.
-  [[nodiscard]] double crossing(double a, double b) const {
-    const double gap = std::max(a, 0.0) * std::max(b, 0.0);  // in this order a NaN stays
-    if (gap > 0) return std::exp(-2 * gap / (diffusion * diffusion * length));
-    return std::isnan(gap) || std::isnan(diffusion) ? std::numeric_limits<double>::quiet_NaN() : 1;
+  [[nodiscard]] X crossing(const X& a, const X& b) const {
+    using std::exp;
+    const X gap = positive_part(a) * positive_part(b);  // a NaN stays
+    if (static_cast<double>(gap) > 0) return exp(X(-2 * gap / (diffusion * diffusion * length)));
+    return std::isnan(static_cast<double>(gap)) || std::isnan(static_cast<double>(diffusion))
+               ? X(std::numeric_limits<double>::quiet_NaN())
+               : X(1);
   }
 
  private:
-  [[nodiscard]] double reach(double u) const {
-    const double rise = to - from;
-    return std::sqrt(rise * rise - 2 * diffusion * diffusion * length * std::log(u));
+  [[nodiscard]] X reach(double u) const {
+    using std::sqrt;
+    const X rise = to - from;
+    return sqrt(X(rise * rise - 2 * diffusion * diffusion * length * std::log(u)));
   }
 };
+using Bridge = BridgeOf<double>;
 
 /// Takes the bridges of a scalar path, each with a uniform number if `uses_number`.
-template <class S>
-concept BridgeSummary = std::copyable<S> && requires(S& s, const Bridge& bridge, double u) {
+template <class S, class B = Bridge>
+concept BridgeSummary = std::copyable<S> && requires(S& s, const B& bridge, double u) {
   s.add(bridge, u);
   { S::uses_number } -> std::convertible_to<bool>;
 };
@@ -67,89 +76,129 @@ concept StepSummary = std::copyable<S> && requires(S& s, const State& from, cons
 template <class S, class State>
 concept PathSummary = StepSummary<S, State> ||(std::same_as<State, double>&& BridgeSummary<S>);
 
-/// The least value of the path.
-struct Minimum {
-  static constexpr bool uses_number = true;
-  double terminal = 0;
-  double minimum = std::numeric_limits<double>::infinity();
+// Summaries of bridges, with numbers of type X; `as<X>()` is the same of another type, which sensitivities
+// (sde/sensitivities.hpp) ask for.
 
-  void add(const Bridge& bridge, double u) {
+/// The least value of the path.
+template <class X>
+struct MinimumOf {
+  static constexpr bool uses_number = true;
+  X terminal = X(0);
+  X minimum = X(std::numeric_limits<double>::infinity());
+
+  template <class Y>
+  [[nodiscard]] MinimumOf<Y> as() const {
+    return {};
+  }
+  template <class Time>
+  void add(const BridgeOf<X, Time>& bridge, double u) {
     terminal = bridge.to;
-    const double least = bridge.minimum(u);
-    minimum = std::min(minimum, least);
-    if (std::isnan(least)) [[unlikely]]
-      minimum = least;
+    const X least = bridge.minimum(u);
+    const auto value = static_cast<double>(least);
+    if (value < static_cast<double>(minimum) || std::isnan(value)) minimum = least;  // a NaN stays
   }
 };
+using Minimum = MinimumOf<double>;
 
 /// The greatest value of the path.
-struct Maximum {
+template <class X>
+struct MaximumOf {
   static constexpr bool uses_number = true;
-  double terminal = 0;
-  double maximum = -std::numeric_limits<double>::infinity();
+  X terminal = X(0);
+  X maximum = X(-std::numeric_limits<double>::infinity());
 
-  void add(const Bridge& bridge, double u) {
+  template <class Y>
+  [[nodiscard]] MaximumOf<Y> as() const {
+    return {};
+  }
+  template <class Time>
+  void add(const BridgeOf<X, Time>& bridge, double u) {
     terminal = bridge.to;
-    const double greatest = bridge.maximum(u);
-    maximum = std::max(maximum, greatest);
-    if (std::isnan(greatest)) [[unlikely]]
-      maximum = greatest;
+    const X greatest = bridge.maximum(u);
+    const auto value = static_cast<double>(greatest);
+    if (value > static_cast<double>(maximum) || std::isnan(value)) maximum = greatest;  // a NaN stays
   }
 };
+using Maximum = MaximumOf<double>;
 
 /// The mean over the time.
-struct Average {
+template <class X>
+struct IntegralOf {
   static constexpr bool uses_number = true;
-  double terminal = 0;
-  double integral = 0;
-  double length = 0;
+  X terminal = X(0);
+  X integral = X(0);
+  X length = X(0);
 
-  [[nodiscard]] double average() const { return integral / length; }
-  void add(const Bridge& bridge, double u) {
+  [[nodiscard]] X average() const { return integral / length; }
+  template <class Y>
+  [[nodiscard]] IntegralOf<Y> as() const {
+    return {};
+  }
+  template <class Time>
+  void add(const BridgeOf<X, Time>& bridge, double u) {
     terminal = bridge.to;
     integral += bridge.integral(u);
     length += bridge.length;
   }
 };
+using Average = IntegralOf<double>;
 
 /// The probability, given the ends of the steps, that the path never falls to the barrier.
-struct StaysAbove {
+template <class X>
+struct StaysAboveOf {
   static constexpr bool uses_number = false;
   double barrier;
-  double terminal = 0;
-  double probability = 1;
+  X terminal = X(0);
+  X probability = X(1);
 
-  void add(const Bridge& bridge, double /*u*/) {
+  template <class Y>
+  [[nodiscard]] StaysAboveOf<Y> as() const {
+    return {.barrier = barrier};
+  }
+  template <class Time>
+  void add(const BridgeOf<X, Time>& bridge, double /*u*/) {
     terminal = bridge.to;
-    probability *= 1 - bridge.crossing(bridge.from - barrier, bridge.to - barrier);
+    probability *= 1 - bridge.crossing(X(bridge.from - barrier), X(bridge.to - barrier));
   }
 };
+using StaysAbove = StaysAboveOf<double>;
 
 /// The probability, given the ends of the steps, that the path never rises to the barrier.
-struct StaysBelow {
+template <class X>
+struct StaysBelowOf {
   static constexpr bool uses_number = false;
   double barrier;
-  double terminal = 0;
-  double probability = 1;
+  X terminal = X(0);
+  X probability = X(1);
 
-  void add(const Bridge& bridge, double /*u*/) {
+  template <class Y>
+  [[nodiscard]] StaysBelowOf<Y> as() const {
+    return {.barrier = barrier};
+  }
+  template <class Time>
+  void add(const BridgeOf<X, Time>& bridge, double /*u*/) {
     terminal = bridge.to;
-    probability *= 1 - bridge.crossing(barrier - bridge.from, barrier - bridge.to);
+    probability *= 1 - bridge.crossing(X(barrier - bridge.from), X(barrier - bridge.to));
   }
 };
+using StaysBelow = StaysBelowOf<double>;
 
 /// The mean over the time of a function of the state, by the trapezoidal rule on the steps: AverageOf{log}.
-template <class G>
+template <class G, class X = double>
 struct AverageOf {
   G function;
-  double integral = 0;
-  double length = 0;
+  X integral = X(0);
+  X length = X(0);
 
-  [[nodiscard]] double average() const { return integral / length; }
+  [[nodiscard]] X average() const { return integral / length; }
+  template <class Y>
+  [[nodiscard]] AverageOf<G, Y> as() const {
+    return {function, Y(0), Y(0)};
+  }
   /// False once the function has returned a number that is not finite, or the integral has overflowed.
-  [[nodiscard]] bool finite() const { return std::isfinite(integral); }
-  template <class State>
-  void add(const State& from, const State& to, double step) {
+  [[nodiscard]] bool finite() const { return debias::is_finite(integral); }
+  template <class State, class Length>
+  void add(const State& from, const State& to, const Length& step) {
     integral += step * (function(from) + function(to)) / 2;
     length += step;
   }

@@ -47,6 +47,7 @@ struct VectorEulerStep {
   static constexpr bool is_antithetic = false;
   static constexpr bool is_branched = false;
   static constexpr bool is_smoothed = false;
+  static constexpr bool has_skew = false;
 
   template <VectorSde M>
   static auto diffusion(const M& model, const detail::state_of<M>& x, double t) {
