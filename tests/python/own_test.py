@@ -7,6 +7,7 @@ Fixed seeds; an estimate may be 4.5 standard errors off its truth, and each fami
 
 import concurrent.futures
 import ctypes
+import importlib.util
 import math
 import os
 import pickle
@@ -428,6 +429,36 @@ class Processes(Quiet):
             self.skipTest("neither joblib nor dask.distributed")
 
 
+    def test_mpi(self):
+        """mpi4py.futures has a pool of ranks: a program of its own, started by mpiexec."""
+        launcher = shutil.which("mpiexec")
+        if launcher is None or importlib.util.find_spec("mpi4py") is None:
+            self.skipTest("no mpiexec or no mpi4py")
+        with tempfile.TemporaryDirectory() as folder:
+            script = Path(folder) / "ranks.py"
+            script.write_text("""
+import debias
+from mpi4py.futures import MPIPoolExecutor
+from own import own
+if __name__ == "__main__":
+    with MPIPoolExecutor() as pool:
+        print(debias.estimate(own, samples=30_000, executor=pool).mean.hex())
+""")
+            (Path(folder) / "own.py").write_text("""
+import debias
+def x_squared(u):
+    return 1 + u[:, 0] ** 2
+own = debias.function_of_mean(x_squared, "reciprocal")
+""")
+            options = ["--oversubscribe", "--allow-run-as-root"] if "Open MPI" in subprocess.run(
+                [launcher, "--version"], capture_output=True, text=True).stdout else []
+            found = subprocess.run([launcher, *options, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)],
+                                   capture_output=True, text=True, cwd=folder,
+                                   env={**os.environ, "PYTHONPATH": folder + os.pathsep + os.environ.get("PYTHONPATH", "")})
+        here = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), samples=30_000).mean
+        self.assertEqual(found.stdout.split(), [here.hex()], found.stderr)
+
+
 class Compiled(Quiet):
     def library(self):
         compiler = shutil.which("gcc") or shutil.which("cc")
@@ -490,6 +521,63 @@ void levels(int64_t k, int64_t n, double *u, double *out) {
         own = debias.function_of_mean(f, "reciprocal")
         python = debias.function_of_mean(x_squared, "reciprocal")
         self.assertEqual(debias.estimate(own, samples=20_000, threads=2).mean, debias.estimate(python, samples=20_000).mean)
+
+
+    def test_njit_levels(self):
+        try:
+            import numba
+        except ImportError:
+            self.skipTest("no numba")
+
+        @numba.njit
+        def squares(level, u):
+            fine, coarse = np.empty(len(u)), np.empty(len(u))
+            for i in range(len(u)):
+                a, b = u[i, ::2].mean(), u[i, 1::2].mean() if level > 0 else 0.0
+                fine[i], coarse[i] = (((a + b) / 2) ** 2, (a * a + b * b) / 2) if level > 0 else (a * a, 0.0)
+            return fine, coarse
+
+        own = debias.levels(lambda k, u: squares(k, u) if k else squares(0, u)[0], dimension=lambda k: 2**k, rates=(2, 1))
+        self.close(own, 0.25, wrong=0.27)
+
+    def test_jax_compiles_once(self):
+        try:
+            import jax
+        except ImportError:
+            self.skipTest("no jax")
+        jax.config.update("jax_enable_x64", True)
+        traced = []
+
+        @jax.jit
+        def f(u):
+            traced.append(u.shape)  # while it is compiled, not while it runs
+            return 1 + u[:, 0] ** 2
+
+        options = {"samples": 20_000, "seed": 3}
+        python = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), **options)
+        own = debias.estimate(debias.function_of_mean(f, "reciprocal", block=4096), **options)
+        np.testing.assert_allclose(own.mean, python.mean, rtol=1e-12)
+        self.assertEqual(traced, [(4096, 1)])
+        debias.estimate(debias.function_of_mean(f, "reciprocal"), **options)
+        self.assertGreater(len(traced), 2)  # what `block` saves
+
+    def test_torch(self):
+        try:
+            import torch
+        except ImportError:
+            self.skipTest("no torch")
+        shapes = set()
+
+        def f(u):
+            x = torch.from_numpy(np.ascontiguousarray(u))
+            shapes.add(tuple(x.shape))
+            return 1 + x[:, 0] ** 2
+
+        options = {"samples": 20_000, "seed": 3}
+        own = debias.estimate(debias.function_of_mean(f, "reciprocal", block=4096), **options)
+        python = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), **options)
+        np.testing.assert_allclose(own.mean, python.mean, rtol=1e-12)
+        self.assertEqual(shapes, {(4096, 1)})
 
 
 class Conventions(Quiet):

@@ -33,7 +33,7 @@ def _ax(ax: Any) -> Any:
     return plt.subplots(figsize=(6, 4), layout="constrained")[1] if ax is None else ax
 
 
-def _finish(ax: Any, title: Optional[str], xlabel: str, ylabel: str, legend: bool = True) -> Any:
+def _finish(ax: Any, title: Optional[str], xlabel: str, ylabel: str, legend: Union[bool, str] = True) -> Any:
     if title:
         ax.set_title(title, fontsize="medium")
     ax.set_xlabel(xlabel)
@@ -43,7 +43,9 @@ def _finish(ax: Any, title: Optional[str], xlabel: str, ylabel: str, legend: boo
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     if legend and ax.get_legend_handles_labels()[0]:
-        ax.legend(frameon=False, fontsize="small")
+        # "below": where curves may run anywhere, the legend stands outside of the axes.
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16), "ncol": 2} if legend == "below" else {}
+        ax.legend(frameon=False, fontsize="small", **below)
     return ax
 
 
@@ -254,7 +256,7 @@ def tradeoff(report: Union[str, Problem, Report], *, ax: Any = None) -> Any:
     polynomial = report["rates"]["kind"] == "polynomial"
     return _finish(ax, f"{report['problem']}: which PMF?",
                    r"exponent $\rho$ of the PMF, $p_k \sim k^{-\rho}$" if polynomial else
-                   r"exponent $\rho$ of the PMF, $p_k \sim 2^{-\rho k}$", "variance × work of a sample")
+                   r"exponent $\rho$ of the PMF, $p_k \sim 2^{-\rho k}$", "variance × work of a sample", legend="below")
 
 
 def _short(spec: str) -> str:
@@ -369,11 +371,11 @@ def tails(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(bottom=0.5 / len(array))
-    return _finish(ax, title, "distance x from the median", "share of the samples beyond x")
+    return _finish(ax, title, "distance x from the median", "share of the samples beyond x", legend="below")
 
 
 def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: Optional[str] = None,
-              unit: str = "radiance", ax: Any = None) -> Any:
+              unit: str = "radiance", limit: Optional[float] = None, ax: Any = None) -> Any:
     """What an image misses: image - reference, or that in standard errors. Orange: too bright; purple: too dark.
 
     Parameters
@@ -386,6 +388,8 @@ def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: 
         As of the others.
     unit : str
         What the numbers are.
+    limit : float, optional
+        Where the colours end, one for maps that are compared; else it is the 99.5 % quantile of the size of the error.
 
     Returns
     -------
@@ -408,7 +412,8 @@ def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: 
         error = error.mean(axis=2)  # a pixel without one of its numbers has none
     ax = _ax(ax)
     finite = np.abs(error[np.isfinite(error)])
-    limit = float(np.quantile(finite, 0.995)) if finite.size else 1.0
+    if limit is None:
+        limit = float(np.quantile(finite, 0.995)) if finite.size else 1.0
     shown = ax.imshow(error, cmap="PuOr_r", vmin=-(limit or 1.0), vmax=limit or 1.0, interpolation="nearest")
     label = f"error ({unit})" if standard_error is None else "error (standard errors)"
     ax.figure.colorbar(shown, ax=ax, label=label, extend="both", shrink=0.85)
