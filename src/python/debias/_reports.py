@@ -372,7 +372,7 @@ class Diagnosis(Report):
         return _table(self._data["running"])
 
 
-class Samples(np.ndarray):  # type: ignore[type-arg]
+class Samples(np.ndarray[Any, Any]):
     """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array.
 
     Examples

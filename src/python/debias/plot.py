@@ -404,7 +404,7 @@ def error_map(image: Any, reference: Any, *, standard_error: Any = None, title: 
     >>> plot.error_map(np.eye(3), np.zeros((3, 3))).get_title()
     'error, root mean square 0.577'
     """
-    error = np.ma.filled(np.ma.asarray(image, dtype=float) - np.ma.asarray(reference, dtype=float), np.nan)
+    error: Array = np.ma.filled(np.ma.asarray(image, dtype=float) - np.ma.asarray(reference, dtype=float), np.nan)
     if standard_error is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             error = np.where(error == 0, 0.0, error / np.asarray(standard_error, dtype=float))
