@@ -450,8 +450,8 @@ def x_squared(u):
     return 1 + u[:, 0] ** 2
 own = debias.function_of_mean(x_squared, "reciprocal")
 """)
-            options = ["--oversubscribe", "--allow-run-as-root"] if "Open MPI" in subprocess.run(
-                [launcher, "--version"], capture_output=True, text=True).stdout else []
+            version = subprocess.run([launcher, "--version"], capture_output=True, text=True).stdout
+            options = ["--oversubscribe", "--allow-run-as-root"] if "Open" in version else []  # Open MPI, OpenRTE
             found = subprocess.run([launcher, *options, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)],
                                    capture_output=True, text=True, cwd=folder,
                                    env={**os.environ, "PYTHONPATH": folder + os.pathsep + os.environ.get("PYTHONPATH", "")})
