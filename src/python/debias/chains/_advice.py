@@ -128,6 +128,9 @@ class CouplingCheck(NamedTuple):
         return self.worst <= self.threshold and self.parted == 0
 
 
+CouplingCheck.__new__.__annotations__["pair"] = Tuple[int, int]  # no text, as in Interval
+
+
 def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], Any]] = None, *, draws: int = 1 << 14,
                    seed: Seed = 1) -> CouplingCheck:
     """Does coupled_step move each chain as step does, and do equal chains stay together? At all pairs of `states`.
