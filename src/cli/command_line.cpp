@@ -70,6 +70,10 @@ void add_output(Subcommand& c) {
   c.app->add_flag("-q,--quiet", c.delivery.quiet, "Nothing but the result and errors");
 }
 
+void add_plot(Subcommand& c, const std::string& help) {
+  c.app->add_option("--plot", c.delivery.plot, "Draw " + help + " into this file")->type_name("FILE.svg");
+}
+
 // `debias run`, or `debias` before a command.
 std::string typed_so_far(const CLI::App& app) {
   std::string typed = "debias";
@@ -210,6 +214,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   add_checkpoint(run);
   run.value("shard", "I/N", "The i-th of n parts of the samples, for `debias merge`; needs --checkpoint");
   add_output(run);
+  add_plot(run, "mean and standard error over the samples; half of them are drawn again");
 
   Subcommand& resume = add("resume", "Go on from a checkpoint, or tighten a run",
                            "  debias resume run.checkpoint\n"
@@ -255,16 +260,19 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
 
   Subcommand& survey = add("survey", "Measure the levels of a problem: decay, growth, and whether a PMF exists",
                            "  debias survey A01\n"
-                           "  debias survey A01 --levels 12 --samples 1e5 --json");
+                           "  debias survey A01 --levels 12 --samples 1e5 --json\n"
+                           "  debias survey A01 --plot levels.svg");
   survey.problem();
   survey.value("levels", "L", "How many levels; 10 by default");
   survey.value("first", "K", "The first of them, 0 by default: above those without finite moments, say");
   add_plan(survey);
   add_output(survey);
+  add_plot(survey, "variance, mean, kurtosis, consistency and work of the levels");
 
   Subcommand& tradeoff = add("tradeoff", "Sweep the PMF of a problem: variance against work",
                              "  debias tradeoff A10\n"
-                             "  debias tradeoff A10 --points 31 --estimator single_term_outcome --csv -o sweep.csv");
+                             "  debias tradeoff A10 --points 31 --estimator single_term_outcome --csv -o sweep.csv\n"
+                             "  debias tradeoff A10 --plot sweep.svg");
   tradeoff.problem();
   tradeoff.value("family", "NAME", "geometric, zeta or poisson");
   tradeoff.value("points", "K", "PMFs to try");
@@ -275,6 +283,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
   add_plan(tradeoff);
   add_checkpoint(tradeoff);
   add_output(tradeoff);
+  add_plot(tradeoff, "variance x work over the exponents, and where they are infinite,");
 
   Subcommand& diagnose = add("diagnose", "Mean, error, tails and a verdict on the variance of numbers from a file",
                              "  debias diagnose samples.txt\n"

@@ -15,6 +15,7 @@ namespace debias::cli {
 struct Delivery {
   std::string output = {};      ///< a file, else standard output
   std::string checkpoint = {};  ///< what is finished is kept in this file
+  std::string plot = {};        ///< a picture of the report is drawn into this file
   bool json = false;
   bool csv = false;
   bool full = false;  ///< all of a text that is brief by itself

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "commands/pictures.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -24,9 +25,11 @@ int execute(const commands::ReplayRequest& request, const Delivery& delivery) {
 
 int execute(const commands::SurveyRequest& request, const Delivery& delivery) {
   Output out(delivery.output);
+  Picture plot(delivery.plot, delivery.output);
   Progress progress(delivery.quiet);
   const commands::SurveyReport report = commands::survey(request, watch_samples(progress));
   progress.erase();
+  if (plot) plot.write(commands::picture(report));
   deliver(report, delivery, out);
   if (!interrupted()) return done;
   complain("interrupted; what is complete is printed");
@@ -35,13 +38,16 @@ int execute(const commands::SurveyRequest& request, const Delivery& delivery) {
 
 int execute(const commands::TradeoffRequest& request, const Delivery& delivery) {
   if (delivery.json && delivery.csv) throw std::invalid_argument("--json, --csv: both (keep one)");
+  keep_apart(delivery.plot, delivery.checkpoint, "--plot");
   Session session(saved(request), delivery);
   Output out(delivery.output);
+  Picture plot(delivery.plot, delivery.output);
   Progress progress(delivery.quiet);
   const commands::Caller caller = session.caller(watch_samples(progress));
   const commands::TradeoffReport report = session.guard([&] { return commands::tradeoff(request, caller); });
   progress.erase();
   report.complete ? session.flush() : session.suspend();
+  if (plot) plot.write(commands::picture(report));
   if (delivery.csv) {
     print_csv(out.stream(), report);
     out.flush();

@@ -51,11 +51,11 @@ std::string reason() { return errno != 0 ? std::strerror(errno) : "cannot be wri
 
 }  // namespace
 
-Output::Output(const std::string& path) : path_(silent ? "" : path) {
+Output::Output(const std::string& path, std::string option) : path_(silent ? "" : path), option_(std::move(option)) {
   if (path_.empty()) return;
   errno = 0;
   file_.open(path, std::ios::binary | std::ios::app);
-  if (!file_) throw FileError("-o '" + path + "': " + reason());
+  if (!file_) throw FileError(option_ + " '" + path + "': " + reason());
 }
 
 void Output::flush() {
@@ -73,16 +73,30 @@ void Output::flush() {
     if (is_file() && std::filesystem::is_regular_file(path_, ignored)) {
       std::filesystem::resize_file(path_, written_, ignored);
     }
-    throw FileError((is_file() ? "-o '" + path_ + "'" : "standard output") + ": " + why);
+    throw FileError((is_file() ? option_ + " '" + path_ + "'" : "standard output") + ": " + why);
   }
   written_ += text.size();
   text_.str("");
 }
 
-void keep_apart(const std::string& output, const std::string& file) {
+void keep_apart(const std::string& output, const std::string& file, const std::string& option) {
   std::error_code ignored;
   if (output.empty() || (output != file && !std::filesystem::equivalent(output, file, ignored))) return;
-  throw std::invalid_argument("-o '" + output + "', '" + file + "' (one file for two things); choose another name");
+  throw std::invalid_argument(option + " '" + output + "', '" + file +
+                              "' (one file for two things); choose another name");
+}
+
+Picture::Picture(const std::string& path, const std::string& output) {
+  if (path.empty()) return;
+  if (!path.ends_with(".svg"))
+    throw std::invalid_argument("--plot '" + path + "' (is written as SVG); write --plot picture.svg");
+  keep_apart(path, output, "--plot");
+  file_.emplace(path, "--plot");
+}
+
+void Picture::write(const std::string& svg) {
+  file_->stream() << svg;
+  file_->flush();
 }
 
 Progress::Progress(bool quiet) : terminal_(!quiet && !silent && isatty(STDERR_FILENO) != 0) {}

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -33,8 +34,8 @@ struct FileError : std::runtime_error {
 class Output {
  public:
   /// Opens the file at once, before the hours of a run, and empties it when there is a result; an empty path is
-  /// standard output. Throws FileError.
-  explicit Output(const std::string& path = "");
+  /// standard output. Throws FileError, which names the `option` that the file came by.
+  explicit Output(const std::string& path = "", std::string option = "-o");
 
   std::ostream& stream() { return text_; }
   /// Writes what the stream has collected. Throws FileError unless all of it arrives; of a file, what was written
@@ -44,6 +45,7 @@ class Output {
 
  private:
   std::string path_;
+  std::string option_;
   std::ofstream file_;
   bool emptied_ = false;
   std::uintmax_t written_ = 0;
@@ -51,7 +53,19 @@ class Output {
 };
 
 /// Throws std::invalid_argument where the result would take the place of a file that it is made from.
-void keep_apart(const std::string& output, const std::string& file);
+void keep_apart(const std::string& output, const std::string& file, const std::string& option = "-o");
+
+/// Where the picture of a result goes, if one is wanted: opened before the run, written after it.
+class Picture {
+ public:
+  /// Of Delivery::plot, beside the file of the result. An empty path wants none.
+  Picture(const std::string& path, const std::string& output);
+  explicit operator bool() const { return file_.has_value(); }
+  void write(const std::string& svg);
+
+ private:
+  std::optional<Output> file_;
+};
 
 /// A line on standard error that is overwritten, at most ten times a second, and only on a terminal.
 class Progress {

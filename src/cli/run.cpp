@@ -6,6 +6,7 @@
 #include <system_error>
 #include <utility>
 
+#include "commands/pictures.hpp"
 #include "commands/text.hpp"
 #include "core/run_state_bytes.hpp"
 #include "execute.hpp"
@@ -105,7 +106,9 @@ void refuse_existing(const RunRequest& request, const std::string& path) {
 int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, const std::string& path, std::string text,
                  const Delivery& delivery) {
   keep_apart(delivery.output, path);
+  keep_apart(delivery.plot, path, "--plot");
   Output out(delivery.output);
+  Picture plot(delivery.plot, delivery.output);
   Progress progress(delivery.quiet);
   std::optional<PartWriter> writer;
   if (!path.empty() && leads(request)) writer.emplace(path, text, earlier.sums ? parts_of(*earlier.sums) : Parts());
@@ -120,6 +123,10 @@ int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, co
   try {
     const RunReport report =
         commands::run(request, watch_samples(progress), earlier, writer ? commands::SaveRun(save) : nullptr);
+    if (!delivery.plot.empty()) {  // ranks draw together, and one of them writes
+      const auto prefixes = commands::prefixes(request, report, watch_samples(progress));
+      if (plot) plot.write(commands::picture(report, prefixes));
+    }
     progress.erase();
     return finish(report, delivery, out);
   } catch (const Interrupted&) {
@@ -176,6 +183,10 @@ int execute(const commands::MultilevelRequest& request, const Delivery& delivery
   if (request.ranks.size() > 1 && !delivery.checkpoint.empty()) {
     throw std::invalid_argument(
         "--checkpoint (ranks keep the run of one estimator, not the levels of multilevel); start it without mpirun");
+  }
+  if (!delivery.plot.empty()) {
+    throw std::invalid_argument("--plot (multilevel has no samples to draw the mean of); write `debias survey " +
+                                request.problem->id + " --plot` for its levels");
   }
   Session session(saved(request), delivery);
   Output out(delivery.output);

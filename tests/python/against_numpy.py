@@ -36,6 +36,16 @@ def doubling(draw, g):
     return level
 
 
+def reciprocal():
+    """1 / E X, X = 1 + U^2."""
+
+    def draw(u):
+        return 1 + u[:, 0] ** 2
+
+    own = debias.function_of_mean(draw, "reciprocal")
+    return doubling(lambda r, n: draw(r.random((n, 1)))[:, None], lambda m: 1 / m), own, np.array([0.75]), 2.0, 0
+
+
 def evidence():
     """log E L(theta) and its gradient in a shift of the data, logistic regression with 20 data, theta normal."""
     rng = np.random.default_rng(5)
@@ -158,8 +168,8 @@ def elliptic():
     return level, own, np.array([solved(grid, 4096) @ w / w.sum()]), 4.0, 0
 
 
-PROBLEMS = {"log evidence, gradient": evidence, "information gain": information, "call": call, "exp(-U)": subsampling,
-            "ratio of Pareto": pareto, "elliptic": elliptic}
+PROBLEMS = {"1 / E X": reciprocal, "log evidence, gradient": evidence, "information gain": information, "call": call,
+            "exp(-U)": subsampling, "ratio of Pareto": pareto, "elliptic": elliptic}
 
 
 # ---- NumPy by hand

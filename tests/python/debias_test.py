@@ -575,7 +575,7 @@ class Plots(unittest.TestCase):
                 lambda ax: plot.running_mean(debias.diagnose(values), ax=ax),
                 lambda ax: plot.tradeoff(debias.tradeoff("A10", points=3, samples=2000), ax=ax),
                 lambda ax: plot.speed_against_error(runs, ax=ax),
-                lambda ax: plot.tail(values, ax=ax),
+                lambda ax: plot.tails(values, ax=ax),
                 lambda ax: plot.error_map(image + 0.1, image, standard_error=0 * image, ax=ax),
                 lambda ax: plot.meeting_times(times, ax=ax),
                 lambda ax: plot.meeting_times(pilot, ax=ax),
@@ -583,10 +583,10 @@ class Plots(unittest.TestCase):
             self.assertIs(draw(ax), ax)
             self.assertTrue(ax.get_xlabel() and ax.get_ylabel())
         for problem in ("D03", "A10"):  # polynomial and geometric
-            self.assertEqual(plot.survey(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
-        plot.tail(np.ones(100))  # no tail at all
+            self.assertEqual(plot.levels(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
+        plot.tails(np.ones(100))  # no tail at all
         masked = np.ma.array(np.append(values, 1e9), mask=[False] * len(values) + [True])
-        x = [plot.tail(v).lines[0].get_xdata() for v in (values, masked)]
+        x = [plot.tails(v).lines[0].get_xdata() for v in (values, masked)]
         np.testing.assert_array_equal(*x)
         pixels = np.ma.array([[1.0, 2.0], [3.0, 1e9]], mask=[[0, 0], [0, 1]])
         shown = plot.error_map(pixels, np.ones((2, 2))).images[0].get_array()

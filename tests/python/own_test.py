@@ -7,6 +7,7 @@ Fixed seeds; an estimate may be 4.5 standard errors off its truth, and each fami
 
 import concurrent.futures
 import ctypes
+import importlib.util
 import math
 import os
 import pickle
@@ -428,6 +429,36 @@ class Processes(Quiet):
             self.skipTest("neither joblib nor dask.distributed")
 
 
+    def test_mpi(self):
+        """mpi4py.futures has a pool of ranks: a program of its own, started by mpiexec."""
+        launcher = shutil.which("mpiexec")
+        if launcher is None or importlib.util.find_spec("mpi4py") is None:
+            self.skipTest("no mpiexec or no mpi4py")
+        with tempfile.TemporaryDirectory() as folder:
+            script = Path(folder) / "ranks.py"
+            script.write_text("""
+import debias
+from mpi4py.futures import MPIPoolExecutor
+from own import own
+if __name__ == "__main__":
+    with MPIPoolExecutor() as pool:
+        print(debias.estimate(own, samples=30_000, executor=pool).mean.hex())
+""")
+            (Path(folder) / "own.py").write_text("""
+import debias
+def x_squared(u):
+    return 1 + u[:, 0] ** 2
+own = debias.function_of_mean(x_squared, "reciprocal")
+""")
+            version = subprocess.run([launcher, "--version"], capture_output=True, text=True).stdout
+            options = ["--oversubscribe", "--allow-run-as-root"] if "Open" in version else []  # Open MPI, OpenRTE
+            found = subprocess.run([launcher, *options, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)],
+                                   capture_output=True, text=True, cwd=folder,
+                                   env={**os.environ, "PYTHONPATH": folder + os.pathsep + os.environ.get("PYTHONPATH", "")})
+        here = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), samples=30_000).mean
+        self.assertEqual(found.stdout.split(), [here.hex()], found.stderr)
+
+
 class Compiled(Quiet):
     def library(self):
         compiler = shutil.which("gcc") or shutil.which("cc")
@@ -492,33 +523,98 @@ void levels(int64_t k, int64_t n, double *u, double *out) {
         self.assertEqual(debias.estimate(own, samples=20_000, threads=2).mean, debias.estimate(python, samples=20_000).mean)
 
 
+    def test_njit_levels(self):
+        try:
+            import numba
+        except ImportError:
+            self.skipTest("no numba")
+
+        @numba.njit
+        def squares(level, u):
+            fine, coarse = np.empty(len(u)), np.empty(len(u))
+            for i in range(len(u)):
+                a, b = u[i, ::2].mean(), u[i, 1::2].mean() if level > 0 else 0.0
+                fine[i], coarse[i] = (((a + b) / 2) ** 2, (a * a + b * b) / 2) if level > 0 else (a * a, 0.0)
+            return fine, coarse
+
+        own = debias.levels(lambda k, u: squares(k, u) if k else squares(0, u)[0], dimension=lambda k: 2**k, rates=(2, 1))
+        self.close(own, 0.25, wrong=0.27)
+
+    def test_jax_compiles_once(self):
+        try:
+            import jax
+        except ImportError:
+            self.skipTest("no jax")
+        jax.config.update("jax_enable_x64", True)
+        traced = []
+
+        @jax.jit
+        def f(u):
+            traced.append(u.shape)  # while it is compiled, not while it runs
+            return 1 + u[:, 0] ** 2
+
+        options = {"samples": 20_000, "seed": 3}
+        python = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), **options)
+        own = debias.estimate(debias.function_of_mean(f, "reciprocal", block=4096), **options)
+        np.testing.assert_allclose(own.mean, python.mean, rtol=1e-12)
+        self.assertEqual(traced, [(4096, 1)])
+        debias.estimate(debias.function_of_mean(f, "reciprocal"), **options)
+        self.assertGreater(len(traced), 2)  # what `block` saves
+
+    def test_torch(self):
+        try:
+            import torch
+        except ImportError:
+            self.skipTest("no torch")
+        shapes = set()
+
+        def f(u):
+            x = torch.from_numpy(np.ascontiguousarray(u))
+            shapes.add(tuple(x.shape))
+            return 1 + x[:, 0] ** 2
+
+        options = {"samples": 20_000, "seed": 3}
+        own = debias.estimate(debias.function_of_mean(f, "reciprocal", block=4096), **options)
+        python = debias.estimate(debias.function_of_mean(x_squared, "reciprocal"), **options)
+        np.testing.assert_allclose(own.mean, python.mean, rtol=1e-12)
+        self.assertEqual(shapes, {(4096, 1)})
+
+
 class Conventions(Quiet):
     def test_examples_of_the_documentation(self):
+        """Each public name has an example that runs, and each function says what it takes and gives."""
         import doctest
 
+        modules = [debias, chains]
+        try:
+            import matplotlib
+        except ImportError:
+            pass
+        else:
+            matplotlib.use("svg")
+            modules.append(debias.plot)
         tried = 0
-        for name in debias.__all__:
-            thing = getattr(debias, name)
-            if isinstance(thing, (int, type(debias))):
-                continue
-            with self.subTest(name):
-                self.assertTrue(thing.__doc__, "no docstring")
-                test = doctest.DocTestFinder(recurse=False).find(thing, name, module=False, globs={})
-                examples = [t for t in test if t.examples]
-                for t in examples:
-                    out = []
-                    failed, n = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(t, out=out.append)
-                    self.assertEqual(failed, 0, "".join(out))
-                    tried += n
-                is_warning = isinstance(thing, type) and issubclass(thing, (Warning, Exception))
-                if not is_warning:
+        for module in modules:
+            for name in module.__all__:
+                thing = getattr(module, name)
+                if isinstance(thing, (int, type(debias))):
+                    continue
+                with self.subTest(f"{module.__name__}.{name}"):
+                    self.assertTrue(thing.__doc__, "no docstring")
+                    test = doctest.DocTestFinder(recurse=False).find(thing, name, module=False, globs={})
+                    examples = [t for t in test if t.examples]
                     self.assertTrue(examples, "no example")
+                    for t in examples:
+                        out = []
+                        failed, n = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(t, out=out.append)
+                        self.assertEqual(failed, 0, "".join(out))
+                        tried += n
                     if not isinstance(thing, type) and thing.__code__.co_argcount:
                         self.assertRegex(thing.__doc__, r"(?s)Parameters\n    -+\n.*Returns\n    -+\n")
-        self.assertGreater(tried, 60)
+        self.assertGreater(tried, 90)
 
     def test_the_names_are_the_api(self):
-        self.assertEqual(set(dir(debias)) - {"__version__", "__doc__"}, set(debias.__all__))
+        self.assertEqual(set(dir(debias)) - {"__version__", "__doc__", "plot"}, set(debias.__all__))
         self.assertTrue(issubclass(debias.NoPmfError, debias.Error))
         self.assertEqual(debias.estimate.__module__, "debias")
 

@@ -53,7 +53,7 @@ for _name in __all__:
 
 
 def __dir__() -> List[str]:
-    return sorted([*__all__, "__version__", "__doc__"])
+    return sorted([*__all__, "plot", "__version__", "__doc__"])
 
 
 def __getattr__(name: str) -> Any:

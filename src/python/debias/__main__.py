@@ -21,8 +21,8 @@ def main() -> int:
     for program in _places():
         if program and os.access(program, os.X_OK) and os.path.isfile(program):
             os.execv(program, ["debias", *sys.argv[1:]])
-    print("debias: the program is not here (this package was built without it); build it with DEBIAS_BUILD_TOOLS=ON, or set "
-          "DEBIAS_PROGRAM", file=sys.stderr)
+    print("debias: the program is not here (this package was built without it); install it with "
+          "`pip install . -C cmake.define.DEBIAS_BUILD_TOOLS=ON`, or set DEBIAS_PROGRAM", file=sys.stderr)
     return 1
 
 

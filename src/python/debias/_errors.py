@@ -22,11 +22,26 @@ class Error(Exception):
 class NoPmfError(Error, ValueError):
     """No PMF has finite variance and finite work: no mistake of the caller, but a property of the sequence.
 
-    variance_decay, work_growth  of E D_k^2 and of the work: powers of 2, or of the level, as `decay` says ("geometric",
-                                 "polynomial"); None where they are not known
-    variance_decay_error, work_growth_error   where they were measured, else None
-    grade         "declared", or what the levels show: "shown" (wrong once in 200), "likely" (once in 10)
-    reason, help  why there is none, and what would help
+    Attributes
+    ----------
+    variance_decay, work_growth : float or None
+        Of E D_k^2 and of the work: powers of 2, or of the level, as `decay` says; None where they are not known.
+    variance_decay_error, work_growth_error : float or None
+        Where they were measured.
+    decay : {"geometric", "polynomial"}
+    grade : {"declared", "shown", "likely"}
+        "declared", or what the levels show: "shown" is wrong once in 200 times, "likely" once in 10.
+    reason, help : str
+        Why there is none, and what would help.
+
+    Examples
+    --------
+    >>> import debias
+    >>> try:
+    ...     debias.estimate("gbm-by-euler")
+    ... except debias.NoPmfError as e:
+    ...     print(e.variance_decay, e.work_growth, e.grade)
+    1.0 1.0 declared
     """
 
     variance_decay: Optional[float] = None
@@ -68,12 +83,47 @@ class DebiasWarning(UserWarning):
 
 
 class InfiniteVarianceWarning(DebiasWarning):
-    """The variance of a sample is infinite: the standard error is too small most of the time."""
+    """The variance of a sample is infinite: the standard error is too small most of the time.
+
+    Examples
+    --------
+    Runs that are not to be trusted as errors:
+
+    >>> import warnings
+    >>> import debias
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", debias.InfiniteVarianceWarning)
+    ...     debias.estimate("A10", samples=10_000).verdict
+    'finite'
+    """
 
 
 class NonFiniteWarning(DebiasWarning):
-    """Samples that are no finite numbers, so there is no mean."""
+    """Samples that are no finite numbers, so there is no mean: it is NaN, since leaving samples out would be a bias.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import debias
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", debias.NonFiniteWarning)
+    ...     debias.estimate("A10", samples=10_000)["nonfinite"]
+    0
+    """
 
 
 class GoalMissedWarning(DebiasWarning):
-    """The error or the time that was asked for is missed."""
+    """The error or the time that was asked for is missed.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import debias
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", debias.GoalMissedWarning)
+    ...     try:
+    ...         debias.estimate("A10", error=1e-7, max_seconds=0.1)
+    ...     except debias.GoalMissedWarning as warning:
+    ...         print(warning)
+    the goal is missed
+    """

@@ -32,6 +32,10 @@ class Interval(NamedTuple):
         return f"Interval(low={_ends(self.low)}, high={_ends(self.high)})"
 
 
+# As texts they would be looked up where namedtuple made the function, which does not know them: for inspect and pdoc.
+Interval.__new__.__annotations__.update(low=Any, high=Any)
+
+
 class _IntervalOf(Interval):
     """The interval of a result, which gives those of other levels where it is called."""
 
@@ -372,7 +376,7 @@ class Diagnosis(Report):
         return _table(self._data["running"])
 
 
-class Samples(np.ndarray):  # type: ignore[type-arg]
+class Samples(np.ndarray[Any, Any]):
     """An array of samples that knows the `seed` they were drawn with; what is computed from it is a plain array.
 
     Examples

@@ -17,7 +17,16 @@ from ._kernels import Kernel, State, _Numbers
 
 
 class ChainAdvice(Report):
-    """How long chains have to be, by a pilot of meeting times: what `advise` returns."""
+    """How long chains have to be, by a pilot of meeting times: what `advise` returns.
+
+    Examples
+    --------
+    >>> from debias.chains import advise, coupled_chain, random_walk
+    >>> walk = random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
+    >>> chain = coupled_chain(walk, lambda u: 6 * u - 3, lambda x: x[:, 0] ** 2)
+    >>> sorted(advise(chain, chains=200).options)
+    ['burn_in', 'lag', 'length', 'limit']
+    """
 
     @property
     def available(self) -> bool:
@@ -64,8 +73,25 @@ def advise(chain: CoupledChain, *, chains: int = 1000, seed: Seed = 1, limit: in
     lag and burn_in are 99 % quantiles of meeting times, length `multiple` of burn_in. The pilot has streams of its own, so that a
     run of the same seed stays unbiased; it waits for chains that do not meet, unless it is given a `limit`.
 
+    Parameters
+    ----------
+    chain : CoupledChain
+    chains : int
+        Pairs of the pilot, at least 100.
+    seed
+        As of `debias.estimate`.
+    limit : int
+        Steps after which pairs that have not met are cut; 0: none is.
+    multiple : int
+        Of burn_in, for the length.
+
+    Returns
+    -------
+    ChainAdvice
+
     Examples
     --------
+    >>> from debias.chains import advise, coupled_chain, random_walk
     >>> walk = random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
     >>> advice = advise(coupled_chain(walk, lambda u: 6 * u - 3, lambda x: x[:, 0] ** 2), chains=200)
     >>> advice.options["length"] == 20 * advice.options["burn_in"], advice.tail
@@ -80,7 +106,15 @@ def advise(chain: CoupledChain, *, chains: int = 1000, seed: Seed = 1, limit: in
 
 
 class CouplingCheck(NamedTuple):
-    """What `check_coupling` found."""
+    """What `check_coupling` found.
+
+    Examples
+    --------
+    >>> from debias.chains import check_coupling, random_walk
+    >>> check = check_coupling(random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4), [-1.0, 0.3, 2.5])
+    >>> check.worst < check.threshold, check.parted
+    (True, 0)
+    """
 
     worst: float  #: of all z-scores of marginals
     threshold: float  #: a family of so many is above it once in a million
@@ -94,6 +128,9 @@ class CouplingCheck(NamedTuple):
         return self.worst <= self.threshold and self.parted == 0
 
 
+CouplingCheck.__new__.__annotations__["pair"] = Tuple[int, int]  # no text, as in Interval
+
+
 def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], Any]] = None, *, draws: int = 1 << 14,
                    seed: Seed = 1) -> CouplingCheck:
     """Does coupled_step move each chain as step does, and do equal chains stay together? At all pairs of `states`.
@@ -101,8 +138,25 @@ def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], An
     By z-tests on f(x'), the coordinates where it is not given, and on its square, of so many draws. A coupling that fails
     biases every estimate.
 
+    Parameters
+    ----------
+    kernel : Kernel
+    states : array_like
+        Points (m, dimension), or m numbers: where to look.
+    f : callable, optional
+        f(points) returns (n,), or (n, components).
+    draws : int
+        Of each pair.
+    seed
+        As of `debias.estimate`.
+
+    Returns
+    -------
+    CouplingCheck
+
     Examples
     --------
+    >>> from debias.chains import check_coupling, random_walk
     >>> walk = random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
     >>> check_coupling(walk, [-1.0, 0.3, 2.5]).passed
     True

@@ -131,7 +131,17 @@ class _Chains:
 class CoupledChain(Problem):
     """What `coupled_chain` makes: a problem for `debias.estimate`, `debias.samples` and `debias.replay`.
 
-    options : burn_in, length, lag, limit
+    Attributes
+    ----------
+    options : dict
+        burn_in, length, lag and limit.
+
+    Examples
+    --------
+    >>> from debias.chains import coupled_chain, random_walk
+    >>> chain = coupled_chain(random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4), 0.0, lambda x: x[:, 0])
+    >>> chain.with_options(burn_in=5, length=50).options["length"]
+    50
     """
 
     _has_levels = False
@@ -163,23 +173,43 @@ def coupled_chain(kernel: Kernel, start: Any, f: Callable[[Array], Any], *, burn
 
     Parameters
     ----------
-    kernel : `random_walk`, `mala`, `mixture`, `kernel`, ...
-    start : a point, or start(u), which draws points (n, dimension of the points) from numbers u (n, dimension) in (0, 1); both
+    kernel : Kernel
+        `random_walk`, `mala`, `mixture`, `kernel`, ...
+    start : array_like or callable
+        A point, or start(u), which draws points (n, dimension of the points) from numbers u (n, dimension) in (0, 1); both
         chains start so. Start from a law that covers all modes: where no chain has seen one, nothing can tell.
-    f : f(points) returns (n,), or (n, components)
-    burn_in : the first state that is averaged
-    length : the last one
-    lag : steps that the second chain is behind
-    limit : steps after which chains that have not met are cut, which biases the estimate, and the result says so; 0: none is
-    dimension : uniforms that a start takes
-    components : c, where f returns an array (n, c)
+    f : callable
+        f(points) returns (n,), or (n, components).
+    burn_in : int
+        The first state that is averaged.
+    length : int
+        The last one.
+    lag : int
+        Steps that the second chain is behind.
+    limit : int
+        Steps after which chains that have not met are cut, which biases the estimate, and the result says so; 0: none is.
+    dimension : int
+        Uniforms that a start takes.
+    components : int, optional
+        c, where f returns an array (n, c).
+    truth : float, optional
+        For tests: a result says how far it is.
+    name, formula : str
+        What reports call the problem.
 
+    Returns
+    -------
+    CoupledChain
+
+    Notes
+    -----
     `advise` measures burn_in, length and lag. A run takes blocks of 512 to 65536 chains, fewer of long ones, on the thread that
     called.
     Chains that have not met after 65536 steps, 131072, ... are told by a DebiasWarning with the code "not_met".
 
     Examples
     --------
+    >>> from debias.chains import coupled_chain, random_walk
     >>> walk = random_walk(lambda x: -0.5 * (x**2).sum(axis=1), step=1.7)
     >>> means = coupled_chain(walk, [1.0, 0.0], lambda x: x, components=2, burn_in=10, length=100, lag=10)
     >>> means
@@ -205,8 +235,22 @@ def meeting_times(chain: CoupledChain, n: int = 1000, *, seed: Seed = 1, first: 
 
     The very times of a run of that seed. Where `limit` cuts chains, theirs is above it: limit + 1.
 
+    Parameters
+    ----------
+    chain : CoupledChain
+    n, first : int
+        Which samples.
+    seed
+        As of `debias.estimate`.
+
+    Returns
+    -------
+    ndarray of int
+        (n,), in steps.
+
     Examples
     --------
+    >>> from debias.chains import coupled_chain, meeting_times, random_walk
     >>> walk = random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
     >>> times = meeting_times(coupled_chain(walk, 0.0, lambda x: x[:, 0]), 100)
     >>> bool((times >= 1).all())

@@ -34,7 +34,14 @@ class _Numbers:
 
 class Kernel:
     """A step of many chains at once, and of many pairs of chains: made by `random_walk`, `mala`, `hamiltonian`, `mixture` and
-    `kernel`."""
+    `kernel`.
+
+    Examples
+    --------
+    >>> from debias.chains import random_walk
+    >>> random_walk(lambda x: -0.5 * x[:, 0] ** 2, step=2.4)
+    <debias.chains kernel: random walk of steps 2.4>
+    """
 
     name = "kernel"
 
@@ -168,11 +175,18 @@ def random_walk(log_density: Callable[[Array], Any], step: float) -> Kernel:
 
     Parameters
     ----------
-    log_density : of points (n, dimension), an array (n,); up to a constant, -inf outside
-    step : standard deviation of a proposal in each coordinate; 2.4 / sqrt(dimension) of that of the target is usual
+    log_density : callable
+        Of points (n, dimension), an array (n,); up to a constant, -inf outside.
+    step : float
+        Standard deviation of a proposal in each coordinate; 2.4 / sqrt(dimension) of that of the target is usual.
+
+    Returns
+    -------
+    Kernel
 
     Examples
     --------
+    >>> from debias.chains import random_walk
     >>> walk = random_walk(lambda x: -0.5 * (x**2).sum(axis=1), step=1.7)
     """
     return _RandomWalk(log_density, _step_size("random_walk", step))
@@ -227,12 +241,20 @@ def mala(log_density: Callable[[Array], Any], gradient: Callable[[Array], Any], 
 
     Parameters
     ----------
-    log_density : of points (n, dimension), an array (n,)
-    gradient : of log_density, an array (n, dimension)
-    step : standard deviation h of a proposal; its mean is x + h^2 / 2 gradient(x)
+    log_density : callable
+        Of points (n, dimension), an array (n,).
+    gradient : callable
+        Of log_density, an array (n, dimension).
+    step : float
+        Standard deviation h of a proposal; its mean is x + h^2 / 2 gradient(x).
+
+    Returns
+    -------
+    Kernel
 
     Examples
     --------
+    >>> from debias.chains import mala
     >>> langevin = mala(lambda x: -0.5 * (x**2).sum(axis=1), lambda x: -x, step=1.2)
     """
     return _Langevin(log_density, gradient, _step_size("mala", step))
@@ -284,11 +306,20 @@ def hamiltonian(log_density: Callable[[Array], Any], gradient: Callable[[Array],
 
     Parameters
     ----------
-    log_density, gradient : as of `mala`
-    step, steps : of the leapfrog scheme; one call is one step of work, whatever `steps`
+    log_density, gradient : callable
+        As of `mala`.
+    step : float
+        Of the leapfrog scheme.
+    steps : int
+        Of it; one call is one step of work, whatever they are.
+
+    Returns
+    -------
+    Kernel
 
     Examples
     --------
+    >>> from debias.chains import hamiltonian, mixture, random_walk
     >>> density, slope = lambda x: -0.5 * (x**2).sum(axis=1), lambda x: -x
     >>> both = mixture([0.9, 0.1], hamiltonian(density, slope, 0.4, 3), random_walk(density, 0.5))
     """
@@ -332,8 +363,19 @@ def mixture(weights: Sequence[float], *kernels: Kernel) -> Kernel:
 
     All of them must leave the same law invariant.
 
+    Parameters
+    ----------
+    weights : sequence of float
+        One for each kernel, positive; they need not sum to 1.
+    *kernels : Kernel
+
+    Returns
+    -------
+    Kernel
+
     Examples
     --------
+    >>> from debias.chains import mixture, random_walk
     >>> density = lambda x: -0.5 * x[:, 0] ** 2
     >>> both = mixture([3, 1], random_walk(density, 2.4), random_walk(density, 0.5))
     """
@@ -381,15 +423,24 @@ def kernel(step: Callable[[Array, Array], Any], coupled_step: Callable[[Array, A
 
     Parameters
     ----------
-    step : step(x, u) returns the next points of x (n, dimension), from numbers u (n, uniforms) in (0, 1)
-    coupled_step : coupled_step(x, y, u) returns the next x and the next y, each as `step` would move it, together so that rows
+    step : callable
+        step(x, u) returns the next points of x (n, dimension), from numbers u (n, uniforms) in (0, 1).
+    coupled_step : callable
+        coupled_step(x, y, u) returns the next x and the next y, each as `step` would move it, together so that rows
         may become equal; equal rows must stay equal. `check_coupling` looks whether both hold.
-    uniforms, coupled_uniforms : numbers that a step takes; the coupled one as many, where it is not given
+    uniforms, coupled_uniforms : int
+        Numbers that a step takes; the coupled one as many, where it is not given.
+
+    Returns
+    -------
+    Kernel
 
     Examples
     --------
     Two states, one uniform for both chains:
 
+    >>> import numpy as np
+    >>> from debias.chains import kernel
     >>> def flip(x, u):
     ...     return np.where(x == 0, u < 0.3, u < 0.8).astype(float)
     >>> two = kernel(flip, lambda x, y, u: (flip(x, u), flip(y, u)), uniforms=1)
