@@ -43,8 +43,9 @@ const std::shared_ptr<detail::Communicator>& one_process() {
 
 Ranks::Ranks() : communicator_(one_process()) {}
 
-Ranks::Ranks(std::shared_ptr<detail::Communicator> communicator)
-    : communicator_(communicator ? std::move(communicator) : one_process()) {}
+Ranks::Ranks(std::shared_ptr<detail::Communicator> communicator) : communicator_(std::move(communicator)) {
+  if (!communicator_) communicator_ = one_process();
+}
 
 int Ranks::size() const { return communicator_->size(); }
 

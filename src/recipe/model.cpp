@@ -91,7 +91,14 @@ double tail_exponent_for(const Survey& s) {
                              ? std::min(s.rates.fourth_decay.value, 2 * r.variance_decay.value)
                              : 2 * r.variance_decay.value;
   if (e.end != End::none && !known) r.variance_decay.value = r.fourth_decay.value = Rates::faster_than_any;
-  if (pmf_exists(rates_of(r))) return default_exponent(r);
+  if (pmf_exists(rates_of(r))) {
+    const double exponent = default_exponent(r);
+    // Declared rates that the levels do not follow yet: as a tail that is right for these, too.
+    const bool slower = e.not_there && (e.not_there->decay == Decay::polynomial) == polynomial &&
+                        e.not_there->variance_decay < r.variance_decay.value;
+    const Rates limit{slower ? e.not_there->variance_decay : 0, r.work_growth.value, rates_of(r).decay};
+    return slower && pmf_exists(limit) ? std::min(exponent, default_exponent(limit)) : exponent;
+  }
   return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work
 }
 

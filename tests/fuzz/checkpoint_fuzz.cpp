@@ -91,7 +91,9 @@ double draw(Stream& rng) { return rng.uniform() * rng.normal(); }
 void finish(const Statistics& s) {
   const catalog::Problem& problem = catalog::find("A01");
   const catalog::Choice choice;
-  const commands::RunReport report{&problem, choice, std::nullopt, s, s.interval(0.95), DeclaredFiniteness(), 0.5};
+  const RunVerdict verdict = s.verdict();
+  const Interval interval = s.interval(verdict);
+  const commands::RunReport report{&problem, choice, std::nullopt, s, verdict, interval, DeclaredFiniteness(), 0.5};
   std::ostringstream out;
   print(out, report);
   demand(nlohmann::json::accept(commands::to_json(report)));
