@@ -5,7 +5,7 @@ header the test files that are named for it (and the sources under `also`). Need
 debias_tests and what it links.
 
     python3 tests/mutants.py [BUILD]              all faults whose outcome is not known yet (default: build/release)
-    python3 tests/mutants.py [BUILD] --only NAME  those whose name begins so, again
+    python3 tests/mutants.py [BUILD] --only NAME  those whose name begins so, again; may be given several times
     python3 tests/mutants.py --status             the outcomes so far; fails unless all are killed, or survive with a reason
     python3 tests/mutants.py --check              the list alone: each line stands exactly once, each test exists (a second)
 
@@ -224,7 +224,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("build", nargs="?", default=str(root / "build/release"))
     arguments.add_argument("--list", default=str(root / "tests/mutants.txt"), type=pathlib.Path)
-    arguments.add_argument("--only")
+    arguments.add_argument("--only", action="append", default=[])
     arguments.add_argument("--minutes", type=float, default=float("inf"))
     arguments.add_argument("--check", action="store_true")
     arguments.add_argument("--status", action="store_true")
@@ -246,11 +246,11 @@ def main():
     else:
         build, start = Build(pathlib.Path(options.build)), time.time()
         commit = subprocess.run(["git", "-C", str(root), "rev-parse", "--short", "HEAD"], stdout=subprocess.PIPE, text=True).stdout.strip()
-        for m in mutants:
+        asked = [m for beginning in options.only for m in mutants if m["name"].startswith(beginning)]
+        for m in asked or [m for m in mutants if m["name"] not in outcomes]:
             name = m["name"]
-            again = options.only and name.startswith(options.only)
-            if options.only and not again or name in outcomes and not again or time.time() - start > 60 * options.minutes:
-                continue
+            if time.time() - start > 60 * options.minutes:
+                break
             begun = time.time()
             try:
                 o = judge(m, build, held["baselines"], code_print)
@@ -263,7 +263,7 @@ def main():
             kept.write_text(json.dumps(held, indent=1) + "\n")
     line, green = summary(mutants, outcomes)
     print(line)
-    return not green and not options.only
+    return not green
 
 
 if __name__ == "__main__":
