@@ -247,6 +247,8 @@ def main():
         build, start = Build(pathlib.Path(options.build)), time.time()
         commit = subprocess.run(["git", "-C", str(root), "rev-parse", "--short", "HEAD"], stdout=subprocess.PIPE, text=True).stdout.strip()
         asked = [m for beginning in options.only for m in mutants if m["name"].startswith(beginning)]
+        if options.only and not asked:
+            raise Broken(f"no fault begins with {' or '.join(options.only)}")
         for m in asked or [m for m in mutants if m["name"] not in outcomes]:
             name = m["name"]
             if time.time() - start > 60 * options.minutes:
