@@ -157,7 +157,7 @@ class Build:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         limits = lambda: resource.setrlimit(resource.RLIMIT_CPU, (cpu, cpu + 5))
         try:
-            words = [str(program), cases, "--warn", "NoTests"]
+            words = [str(program), cases, "--abort", "--warn", "NoTests"]
             run = subprocess.run(words, cwd=self.work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
                                  stdin=subprocess.DEVNULL, preexec_fn=limits, timeout=100 * limit)  # a hang: what runs ends by its processor time
             code, text = run.returncode, run.stdout
@@ -178,7 +178,7 @@ def first_failure(text):
 
 
 def judge(m, build, baselines, code_print):
-    tests, cases = tests_of(m), m.get("cases", "~[.]")
+    tests, cases = tests_of(m), m.get("cases", "~[stat]~[.]")
     key = fingerprint([root / t for t in tests]) + code_print + cases
     if key not in baselines:
         code, used, text = build.run([build.object_of(t) for t in tests], cases, 600)
