@@ -13,6 +13,7 @@ import math
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -29,18 +30,37 @@ debias.estimate(p, samples=512)
 """
 
 
+def peak_of(pid):
+    """KiB that a process, or the largest of those below it, has had at most; what it was before it began does not count, as it
+    does in rusage."""
+    largest = 0
+    try:
+        pids = [pid]
+        for p in pids:
+            pids += [int(x) for x in pathlib.Path(f"/proc/{p}/task/{p}/children").read_text().split()]
+            found = re.search(r"VmHWM:\s+(\d+)", pathlib.Path(f"/proc/{p}/status").read_text())
+            largest = max(largest, int(found[1]) if found else 0)
+    except OSError:
+        pass
+    return largest
+
+
 def measure(words, environment):
     """Processor seconds, peak MiB and seconds by the clock of a command."""
     with tempfile.TemporaryFile() as said:
-        start = time.perf_counter()
+        start, peak, done = time.perf_counter(), 0, 0
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=os.environ | environment)
-        _, status, used = os.wait4(process.pid, 0)
+        while not done:
+            peak = max(peak, peak_of(process.pid))
+            time.sleep(0.005)
+            done, status, used = os.wait4(process.pid, os.WNOHANG)
         process.returncode = os.waitstatus_to_exitcode(status)
         clock = time.perf_counter() - start
         if process.returncode != 0:
             said.seek(0)
             sys.exit(f"growth: {' '.join(map(str, words))} ended with {process.returncode}: {said.read().decode()[-300:]}")
-    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, clock
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return used.ru_utime + used.ru_stime, (used.ru_maxrss if used.ru_maxrss > 1.05 * own else peak) / 1024, clock
 
 
 def powers(first, last, base):
