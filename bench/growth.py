@@ -114,7 +114,7 @@ def axes(build, most):
         Axis("threads", "`run E02`, 2e6 samples", "threads", [1, 2], lambda t: run("E02", "--samples", 2000000, "--threads", t), 0, 0.5,
              "processor time, of all threads"),
         Axis("ranks", "`mpirun -n R debias run E02`, 2e6 samples", "R", [1, 2, 4],
-             lambda r: ranked(r) + run("E02", "--samples", 2000000, "--threads", 1), 0.6, 0.3,
+             lambda r: ranked(r) + run("E02", "--samples", 2000000, "--threads", 1), 0.6, 0.5,
              "each rank starts MPI and waits for others in a loop; memory is of the largest process"),
         Axis("block", "`run E02 --block b`, 1e6 samples", "b", powers(1, 4096, 4),
              lambda b: run("E02", "--block", b, "--samples", 1048576, "--threads", 1), 0, 0),
