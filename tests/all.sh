@@ -7,7 +7,8 @@
 #   sh tests/all.sh --status   what has passed, and what has not; fails unless all have. Writes the page
 #   sh tests/all.sh --list     the pieces
 #   sh tests/all.sh --clean    removes their build folders
-# A piece that is cut after an hour is `unfinished`: run again, it goes on where it was. JOBS: how many at a time.
+# A piece that is cut after an hour is `unfinished`: run again, it goes on where it was. JOBS: how many at a time; PYTHON: one
+# that has NumPy.
 # Needs clang, gcovr, libbenchmark-dev, MPI and, for msan, sources of Debian; a night and a day of two cores.
 set -eu
 root=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
@@ -16,6 +17,7 @@ record=tests/trust.jsonl
 page=tests/TRUST.md
 work=build/all
 jobs=${JOBS:-$(nproc)}
+python=${PYTHON:-python3}
 unfinished=75
 hour=3600
 
@@ -54,7 +56,7 @@ reliability     what `debias validate --report` measures of itself
 unseen          problems drawn by a seed that nobody chose: that of the commit
 long            tests that are tagged [.long], one by one
 numpy2          the Python package under NumPy 2
-soak            the hours of mixed work that tests/soak.py has run
+soak            mixed work, kills and full disks, 50 minutes at a time until ten hours are over
 EOF
 }
 names() { pieces | sed 's/ .*//'; }
@@ -123,7 +125,7 @@ long() {
 piece() {
   program=build/dev/bin/debias
   case $1 in
-    gcc-tests | consumers | notebooks | kills* | reliability | unseen | long | numpy2)
+    gcc-tests | consumers | notebooks | kills* | reliability | unseen | long | numpy2 | soak)
       [ -x $program ] || { echo "first: sh tests/all.sh gcc"; return 1; } ;;
   esac
   case $1 in
@@ -157,11 +159,11 @@ piece() {
       BUILD_DIR=build/fuzz last_line sh tests/fuzz/run.sh 1000000 "${1#fuzz-}" && code=0 || code=$?
       [ $code -ne 124 ] || return $unfinished  # the build goes on, the inputs begin again with what was found
       return $code ;;
-    kills) last_line python3 tests/kill.py $program 300 40 ;;
-    kills-ranks) last_line python3 tests/kill.py $program 300 40 1 3 ;;
+    kills) last_line "$python" tests/kill.py $program 300 40 ;;
+    kills-ranks) last_line "$python" tests/kill.py $program 300 40 1 3 ;;
     mutants)
       builds release debias_tests > /dev/null || return $?
-      last_line python3 tests/mutants.py build/release --minutes 50 && code=0 || code=$?
+      last_line "$python" tests/mutants.py build/release --minutes 50 && code=0 || code=$?
       case $(cat "$work/said") in *" 0 not run"*) return $code ;; *) return $unfinished ;; esac ;;
     reliability)
       within $hour $program validate --report --samples 1e6 -o "$work/reliability.md" > "$work/said" 2>&1 && code=0 || code=$?
@@ -175,7 +177,7 @@ piece() {
       return $code ;;
     long) long ;;
     numpy2) tests dev long -C long -R '^python_numpy2$' ;;
-    soak) last_line python3 tests/soak.py --status ;;
+    soak) last_line "$python" tests/soak.py $program 50 10 ;;
   esac
 }
 
@@ -248,7 +250,7 @@ case ${1-} in
     [ -z "$changes" ] || echo "and the tree has changes that are in no commit"
     echo "$left of $(names | wc -l) pieces have not passed at $(commit); $page"
     [ $left -eq 0 ] && [ -z "$changes" ] ;;
-  -*) sed -n '5,11s/^# *//p' "$0" >&2; exit 2 ;;
+  -*) sed -n '5,9s/^# *//p' "$0" >&2; exit 2 ;;
   *)
     for name in "$@"; do names | grep -qxF -- "$name" || fail "no piece '$name'; sh tests/all.sh --list"; done
     failures=0

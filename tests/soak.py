@@ -205,8 +205,7 @@ def lines_of(code):
     return [line for line in map(json.loads, record.read_text().splitlines()) if line["commit"] == code]
 
 
-def status(hours):
-    code = code_of_tree()
+def status(hours, code):
     rounds = lines_of(code)
     done = sum(r["seconds"] for r in rounds) / 3600
     failures = [r for r in rounds if r["failure"]]
@@ -219,7 +218,7 @@ def status(hours):
 def main():
     words = [w for w in sys.argv[1:] if w != "--status"]
     if "--status" in sys.argv:
-        return status(float(words[0]) if words else 10)
+        return status(float(words[0]) if words else 10, code_of_tree())
     program, minutes, hours = os.path.abspath(words[0]), *[float(x) for x in (words[1:] + ["50", "10"][len(words) - 1:])]
     code, begun = code_of_tree(), time.time()
     record.parent.mkdir(parents=True, exist_ok=True)
@@ -250,7 +249,7 @@ def main():
         grown = leak > 4096 and leak > 0.02 * companion.memory[2]  # KiB
         keep("memory of the Python process", 0, 0, f"grew by {leak:.0f} KiB over {len(companion.memory)} batches" if grown else "")
         print(f"the Python process: {leak:.0f} KiB more at its end than at its beginning, {len(companion.memory)} batches, {companion.memory[-1]} KiB")
-    return status(hours)
+    return status(hours, code)
 
 
 if __name__ == "__main__":

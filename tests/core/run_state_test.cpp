@@ -1,9 +1,11 @@
 // What a run keeps of its chunks, and what a result makes of it. Faults that no other test saw (tests/mutants.txt).
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "catch_shim.hpp"
 
@@ -52,4 +54,41 @@ TEST_CASE("two results that share one sample refuse to merge, and name it", "[co
   CHECK_THROWS_WITH(merge(part(1023, 100), a), Catch::Contains("both results hold sample 1023"));
   CHECK_THROWS_WITH(merge(part(413, 100), a), Catch::Contains("both results hold sample 512"));
   CHECK(merge(part(1024, 100), a).samples == 612);
+}
+
+TEST_CASE("bytes whose sums or extremes are of fewer samples than their range are refused",
+          "[core][checkpoint][exact]") {
+  // One part of a chunk, so that every one of its samples is among both tails.
+  constexpr std::size_t n = 300;
+  const Bytes whole = encode(estimate([](Stream& rng) { return rng.normal(); }, {.samples = n, .seed = 3}).state);
+  const auto set = [](Bytes& bytes, std::size_t at, std::uint64_t x) {
+    ByteWriter w;
+    w.number(x);
+    std::copy(w.bytes.begin(), w.bytes.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
+  };
+  const auto number = [&whole](std::size_t at) {
+    std::uint64_t x = 0;
+    ByteReader(std::span(whole).subspan(at)).number(x);
+    return x;
+  };
+  const std::size_t list = 8 + 8 * n;  // its size, and the values
+  const std::size_t upper = whole.size() - 16 - (8 + 24 * Extremes::largest_capacity) - 2 * list;
+  REQUIRE(number(upper) == n);
+  REQUIRE(number(upper + list) == n);
+  std::size_t node = 0;  // its first and last sample, whether it is whole, and how many values are in its sums
+  while (!(number(node) == 0 && number(node + 8) == n && number(node + 16) == 0 && number(node + 24) == n)) ++node;
+  CHECK(decode(whole).last() == static_cast<std::int64_t>(n));
+
+  for (const std::uint64_t other : {std::uint64_t{0}, std::uint64_t{n - 1}, std::uint64_t{n + 1}}) {
+    Bytes counted = whole;
+    set(counted, node + 24, other);
+    CHECK_THROWS_WITH(decode(counted), Catch::Contains("contradict each other"));
+  }
+  for (const std::size_t at : {upper, upper + list}) {
+    Bytes without = whole;
+    set(without, at, 0);
+    const auto values = without.begin() + static_cast<std::ptrdiff_t>(at + 8);
+    without.erase(values, values + static_cast<std::ptrdiff_t>(8 * n));
+    CHECK_THROWS_WITH(decode(without), Catch::Contains("contradict each other"));
+  }
 }
