@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """What a run costs as it grows: processor time and peak memory against samples, levels, components of a value, threads, ranks
-and the size of a block. Fits the exponent of each over the larger half of its points and names those above what is expected.
+and the size of a block. Fits the exponent of each, without what it costs to start, and names those above what is expected.
 
     python3 bench/growth.py BUILD [--most 1e7] [--rounds 3] [--only AXIS] [--write]
 
@@ -69,11 +69,14 @@ def powers(first, last, base):
 
 
 def exponent(points):
-    """Slope of log y over log x, of the larger half of the points."""
-    points = points[len(points) // 2 - (len(points) < 4):]
-    xs, ys = [math.log(x) for x, _ in points], [math.log(max(y, 1e-9)) for _, y in points]
-    mx, my = sum(xs) / len(xs), sum(ys) / len(ys)
-    return sum((x - mx) * (y - my) for x, y in zip(xs, ys)) / sum((x - mx) ** 2 for x in xs)
+    """Slope of log(y - y of the smallest) over log x between the last two points: without what it costs to start. 0 where y
+    grows by less than a tenth in all."""
+    (_, start), (x1, y1), (x2, y2) = points[0], points[-2], points[-1]
+    if y2 < 1.1 * start:
+        return 0.0
+    if len(points) < 4:  # none to spare for the start
+        return math.log(y2 / start) / math.log(x2 / points[0][0])
+    return math.log((y2 - start) / max(y1 - start, 0.02 * y2)) / math.log(x2 / x1)
 
 
 class Axis:
@@ -124,7 +127,7 @@ def axes(build, most):
 def table(done, commit):
     lines = ["## Cost of growth", "",
              f"`python3 bench/growth.py BUILD --write`, commit {commit}, {time.strftime('%Y-%m-%d', time.gmtime())}: processor seconds and peak",
-             "memory of whole processes, from the smallest to the largest; the exponents are fitted over the larger half of the points.", "",
+             "memory of whole processes, from the smallest to the largest; exponents are of the last step, less what the smallest takes.", "",
              "| | from ... to | seconds | time ~ | MiB | memory ~ | |", "|---|---|---|---|---|---|---|"]
     for a in done:
         (x0, t0, m0, _), (x1, t1, m1, _) = a.points[0], a.points[-1]
