@@ -76,14 +76,52 @@ def answer(process, out):
     differing = re.compile(r'^[^\n]*"(seconds|pilot_seconds|efficiency)":[^\n]*\n|^  "recipe": (null|\{.*?^  \}),\n', re.M | re.S)
     return code, re.sub(differing, "", out.read().decode())
 
+class Bytes:
+    """The numbers of a record, one after another: src/core/run_state_bytes.cpp says which."""
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def skip(self, size):
+        self.at += size
+
+    def number(self, form="q"):
+        self.at += struct.calcsize(form)
+        return struct.unpack_from("<" + form, self.data, self.at - struct.calcsize(form))[0]
+
+    def skip_list(self, size):
+        self.skip(self.number("Q") * size)
+
+    def skip_optional(self, size):
+        self.skip(1 + size)
+
 def samples_of(record):
-    name = 8 + struct.unpack_from("<Q", record)[0]  # of the part; then chunk, seconds, work and seconds of the pilot, number of nodes
-    at, total = name + 40, 0
-    for _ in range(struct.unpack_from("<Q", record, name + 32)[0]):
-        first, last = struct.unpack_from("<2q", record, at)
-        total, at = total + last - first, at + 80  # the length of the list of components
-        at += 56 + 16 * struct.unpack_from("<Q", record, at)[0]  # that of the list of levels
-        at += 8 + 40 * struct.unpack_from("<Q", record, at)[0]
+    """How many samples a record holds: the sum over its nodes, each of which says first, last, and as many values."""
+    b = Bytes(record)
+    b.skip_list(1)  # name of the part
+    b.number()  # chunk
+    block = b.number()
+    b.skip(8)  # seconds
+    b.skip_list(1)  # estimator
+    b.skip_list(1)  # its name
+    b.skip_optional(8)  # seed
+    b.skip(16)  # work and seconds of the pilot
+    b.skip_list(11 * 8 + 1)  # its levels
+    b.skip_optional(17)  # declared rates
+    b.skip_optional(8)  # exact from
+    b.skip(1)  # what else is stated
+    total = 0
+    for _ in range(b.number("Q")):
+        first, last = b.number(), b.number()
+        b.skip(8)  # chunks
+        values = b.number()
+        assert values * block == last - first, (values, block, first, last)
+        total += last - first
+        b.skip(5 * 8 + 8)  # other moments and work; number of components
+        b.skip_list(16)
+        b.skip(8 + 48)  # base level and its sums
+        b.skip_list(48)
+        for _ in range(3):
+            b.skip_list(96)  # coupling
     return total
 
 def look(path):

@@ -235,6 +235,23 @@ TEST_CASE("zeros of a rare event that none could have shown are no end", "[evide
   for (std::size_t k = 5; k <= 8; ++k) CHECK(b[k].log2_second > -1 - 4 * static_cast<double>(k));
 }
 
+TEST_CASE("zeros are an end only where draws enough would have shown a difference", "[evidence][exact]") {
+  // A tenth of the draws differ: four levels of 20 zeros could have shown 8 of them, of 100 zeros 40.
+  const auto end_after = [](std::int64_t draws) {
+    std::vector<LevelFacts> facts = Table{}.facts();
+    for (LevelFacts& f : facts) {
+      if (f.is_base) continue;
+      f.nonzero = f.level < 5 ? 0.1 : 0;
+      f.second_moment = f.nonzero * std::exp2(-2 * static_cast<double>(f.level));
+      f.kurtosis = f.level < 5 ? 10 : 0;
+      if (f.level >= 5) f.draws = draws;
+    }
+    return weigh(facts).end;
+  };
+  CHECK(end_after(20) == End::none);
+  CHECK(end_after(100) == End::zeros);
+}
+
 TEST_CASE("declared rates sharpen an answer and are dropped where the levels contradict them", "[evidence][exact]") {
   Table t;
   t.levels = 5;
