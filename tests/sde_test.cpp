@@ -381,10 +381,10 @@ TEST_CASE("averages, extremes and barriers keep the laws of a sequence, with the
   CHECK(sequence_laws(euler(stock, Average{}, asian, {1, 1}), {.last = 7}) == Failures{});
   // power checks: bridges that a summary ignores
   struct Trapezoid : Average {
-    void add(const Bridge& b, double /*u*/) { Average::add({b.from, b.to, 0, b.length}, 0.5); }
+    void add(const Bridge& b, double /*u*/) { Average::add(Bridge{b.from, b.to, 0, b.length}, 0.5); }
   };
   struct EndsAbove : StaysAbove {
-    void add(const Bridge& b, double /*u*/) { StaysAbove::add({b.from, b.to, 0, b.length}, 0.5); }
+    void add(const Bridge& b, double /*u*/) { StaysAbove::add(Bridge{b.from, b.to, 0, b.length}, 0.5); }
   };
   const SequenceLawOptions means{.last = 3, .samples = 1 << 15, .rates = false};
   CHECK(sequence_laws(milstein(stock, Trapezoid{}, asian), means) != Failures{});

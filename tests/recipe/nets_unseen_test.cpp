@@ -49,7 +49,6 @@ void check(const char* name, const auto& sequence, double truth, double error) {
   CHECK(s.covered > 0.85);
 }
 
-double normal_density(double x) { return std::exp(-x * x / 2) / std::sqrt(2 * std::numbers::pi); }
 double normal_probability(double x) { return std::erfc(-x / std::numbers::sqrt2) / 2; }
 
 }  // namespace
