@@ -55,6 +55,7 @@ mutants         one-line faults, each seen by a test
 reliability     what `debias validate --report` measures of itself
 unseen          problems drawn by a seed that nobody chose: that of the commit
 long            tests that are tagged [.long], one by one
+published       figures of papers and public test suites, each beside the library's
 numpy2          the Python package under NumPy 2
 soak            mixed work, kills and full disks, 50 minutes at a time until ten hours are over
 EOF
@@ -125,7 +126,7 @@ long() {
 piece() {
   program=build/dev/bin/debias
   case $1 in
-    gcc-tests | consumers | notebooks | kills* | reliability | unseen | long | numpy2 | soak)
+    gcc-tests | consumers | notebooks | kills* | reliability | unseen | long | published | numpy2 | soak)
       [ -x $program ] || { echo "first: sh tests/all.sh gcc"; return 1; } ;;
   esac
   case $1 in
@@ -176,6 +177,7 @@ piece() {
       grep 'FAILS$' "$work/unseen" || true
       return $code ;;
     long) long ;;
+    published) last_line sh tests/published_test.sh $program all ;;
     numpy2) tests dev long -C long -R '^python_numpy2$' ;;
     soak) last_line "$python" tests/soak.py $program 50 10 ;;
   esac

@@ -48,7 +48,7 @@ TEST_CASE("a PMF is refused exactly where no PMF has finite variance and finite 
       CHECK_NOTHROW(default_pmf(p));
     }
   }
-  CHECK(refused == std::vector<std::string>{"C12", "E06"});
+  CHECK(refused == std::vector<std::string>{"C12", "E06", "E20"});
 }
 
 TEST_CASE("a refused cell says which rates leave no PMF", "[catalog][exact]") {

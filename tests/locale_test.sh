@@ -50,7 +50,7 @@ said() {
 steady() {
   sed -E -e '/^(seconds|efficiency)/d' -e '/"(seconds|efficiency)"/d' -e 's/, [0-9.e+-]+ s$//' "$@" |
     awk '$1 ~ /^[0-9]+$/ && NF > 10 { $11 = "" } $1 ~ /^geometric:/ { $9 = "" }
-      $1 ~ /^(pass|fail|biased)$/ { $11 = $12 = "" } { print }'
+      $1 ~ /^(pass|fail|biased)$/ { i = $4 ~ /,$/; $(11 + i) = $(12 + i) = "" } { print }'
 }
 
 seq 1 0.25 2000 > numbers

@@ -96,7 +96,7 @@ TEST_CASE("arrays of weights give the log and the weighted means beside it", "[f
   }
 }
 
-TEST_CASE("a mean of weights that all underflow has a finite log, unbiased; the plain log has none",
+TEST_CASE("a mean of weights that all underflow has a finite log, unbiased, where the plain log has none",
           "[functions][log_weights][statistical]") {
   // log E e^l, l = -2000 - 300 u: -2000 + log((1 - e^-300) / 300). No shift serves all l: the weights span 130 decades.
   const auto log_weight = [](std::span<const double> x) { return -2000 - 300 * x[0]; };

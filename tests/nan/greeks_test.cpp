@@ -2,6 +2,7 @@
 
 #include "faults.hpp"
 
+#include <debias/sde/heston.hpp>
 #include <debias/sde/likelihood_ratio.hpp>
 #include <debias/sde/market.hpp>
 #include <debias/sde/sensitivities.hpp>
@@ -43,4 +44,6 @@ TEST_CASE("no sensitivity hides a NaN or an infinity of its payoff", "[nan][exac
   check("likelihood_ratio", "payoff", draws(likelihood_ratio(Branched<MilsteinStep>{}, model, BadPayoff{}, 1.0)));
   check("own_steps", "payoff", draws(own_steps(CoxIngersollRoss<>{}, BadPayoff{})));
   check("heston", "lognormal", draws(heston(Heston<>{}, BadPayoff{})));
+  check("heston_paths", "payoff",
+        draws(heston_paths(Heston<>{}, [](const HestonPaths::State& x) { return bad(x[0]); })));
 }

@@ -119,7 +119,7 @@ TEST_CASE("Heston: price and delta of a call beside the characteristic function"
   CHECK(std::abs(g.mean.slopes[0] - 1.05 * delta) > 4.5 * g.standard_error.slopes[0]);
 }
 
-TEST_CASE("Heston's paths: the price by antithetic twins, whose rates let a PMF exist; plain Milstein's do not",
+TEST_CASE("Heston's paths: the price by antithetic twins, whose rates let a PMF exist, and plain Milstein's do not",
           "[sde][statistical]") {
   const Heston<> m{.start = 100, .rate = 0.03, .variance = rate, .correlation = -0.7};
   const auto call = [](const HestonPaths::State& x) { return std::exp(-0.03) * positive_part(x[0] - 105); };
