@@ -129,11 +129,16 @@ class Scales {
   [[nodiscard]] const LevelVoice& voice(std::size_t i) const { return e_.voices[i]; }
   [[nodiscard]] const LevelFacts& fact(std::size_t i) const { return e_.facts[i]; }
 
-  // R6: the first level after the last one without moments, if three above it have 8 hits, or are zero.
+  // R6: the first level after the last one without moments, if three above it have 8 hits, or are zero. Moments that are
+  // missing are missing from the start: a level that looks so above three light ones shows something rare.
   void bases() {
+    constexpr int settled = 3;
     std::int64_t last = -1;
+    int light = 0;
     for (const std::size_t i : all_) {
-      if (voice(i).tail == LevelTail::heavy) last = fact(i).level;
+      const LevelVoice& v = voice(i);
+      if (v.tail == LevelTail::heavy && light < settled) last = fact(i).level;
+      light += v.tail == LevelTail::light && is_finite(v) && v.raw_hits >= few;
     }
     for (std::size_t i = 0; i < e_.facts.size(); ++i) {
       const LevelFacts& f = fact(i);
