@@ -27,6 +27,7 @@ constexpr std::int64_t largest_block = 4096;
 constexpr double most_members = 0x1p61;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
+constexpr double most_doubt = 4;          // variance by levels that no run draws, over that of all others
 constexpr double price_of_fourth = 1.02;  // that a PMF with a finite fourth moment may cost
 constexpr double spare_members = 4;       // that a goal may take beside the expected ones: its PMF can draw them, too
 constexpr double steepest = 0.9;          // of the way from the best exponent to that of an infinite variance
@@ -285,14 +286,16 @@ class Choice {
     advice_.price = 1;
     advice_.pmf = pmf_of(chosen_, moments, &advice_.price);
     advice_.exponent = advice_.pmf.tail_exponent();
-    advice_.predicted = predict(drawn_of(moments, advice_.pmf), advice_.pmf);
+    // What a steep PMF divides the doubt of levels by that no run draws is not to be paid for.
+    const VarianceAndWork drawn = predict(drawn_of(moments, advice_.pmf), advice_.pmf);
+    advice_.predicted = predict(moments, advice_.pmf);
+    if (drawn.variance > 0 && advice_.predicted.variance > most_doubt * drawn.variance) advice_.predicted = drawn;
     advice_.deepest_level = runs_.deepest_level;
     advice_.bound = bound_of(survey_, model_, chosen_.base_level);
     advice_.highest_moment = highest_moment_of(survey_, advice_.exponent.exponent);
   }
 
-  // What a run of so many members is likely to draw: deeper levels have no part in the variance that it shows, and what a
-  // steep PMF would divide the doubt of them by is not to be paid for.
+  // Of the levels that a run of so many members is likely to draw: deeper ones have no part in the variance that it shows.
   [[nodiscard]] TermMoments drawn_of(TermMoments moments, const AnyPmf& pmf) const {
     constexpr double likely = 1.0 / 16;  // draws
     const double members = std::max(static_cast<double>(advice_.members), fewest_blocks);
