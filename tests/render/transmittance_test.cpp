@@ -44,9 +44,9 @@ struct Pixels {
 // false-alarm rate of 0.01 for the whole image. Of delta tracking, which is 0 or 1, those where 1024 samples
 // hold fewer than 25 of either are underpowered: no normal law yet.
 Pixels z_test(const TransmittanceMethod& method, const Cloud& cloud) {
-  const RenderPlan plan = plan_of(48, 1024, 1);
+  const RenderPlan plan = plan_of(52, 1024, 1);
   const Rendering r = render::render(cloud, method, plan);
-  const Rendering other = render::render(cloud, method, plan_of(48, 1024, 2));
+  const Rendering other = render::render(cloud, method, plan_of(52, 1024, 2));
   std::vector<double> z;
   Pixels pixels;
   for (int y = 0; y < plan.height; ++y) {
