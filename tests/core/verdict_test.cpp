@@ -422,7 +422,11 @@ TEST_CASE("where the variance is infinite the verdict knows the intervals that m
 
 TEST_CASE("intervals of more problems cover, or their misses are known", "[.long][verdict]") {
   using enum catalog::Method;
-  WARN(check_coverage({{"B02", 0.2},
+  WARN(check_coverage({{"D01", 0.2, roulette},
+                       {"C01", 0.2},
+                       {"D14", 0.68, roulette},
+                       {"B18", 0.7},
+                       {"B02", 0.2},
                        {"A13", 0.2},
                        {"A10", 0.1},
                        {"D14", 0.1, roulette},
