@@ -110,14 +110,16 @@ TEST_CASE("information gain meets a goal of .001 over 16 seeds, in a hundredth o
   constexpr double goal = 1e-3;
   double squares = 0;
   double work = 0;
+  int missed = 0;
   for (std::uint64_t seed = 1; seed <= 16; ++seed) {
     const Statistics s = by_recipe(gain, {.seed = seed, .threads = 1, .goal = {.error = goal}}, std::nullopt);
     const ComponentEstimate& e = s.components.front();
-    CHECK(e.standard_error <= 1.25 * goal);
+    missed += e.standard_error > goal;
     squares += std::pow((e.mean - gain.truth) / goal, 2) / 16;
     work += s.work / 16;
   }
-  CAPTURE(squares, work);
+  CAPTURE(squares, work, missed);
   CHECK(std::sqrt(squares) <= 1.1);
-  CHECK(work < 6e6);  // of independent draws from the prior: 6e6 at a goal of .01, 100 times that here
+  CHECK(missed <= 1);  // sized by a pilot, one in twenty may
+  CHECK(work < 6e6);   // of independent draws from the prior: 6e6 at a goal of .01, 100 times that here
 }

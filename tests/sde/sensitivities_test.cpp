@@ -13,6 +13,7 @@
 #include "catch_shim.hpp"
 #include "laws/sequence_laws.hpp"
 #include "laws/value_laws.hpp"
+#include "sde/difference_quotients.hpp"
 
 using namespace debias;
 
@@ -114,32 +115,11 @@ TEST_CASE("payoffs have their expectation over a normal law, with its slopes", "
 }
 
 TEST_CASE("the slopes of a path are its difference quotients, in every parameter", "[sde][exact]") {
-  const double at[] = {100, 0.2, 0.05, 1};
-  const auto check = [&](auto scheme, const auto& payoff) {
-    const auto levels = sensitivities(scheme, market, payoff, at[0], at[1], at[2], at[3]);
-    for (const std::int64_t k : {0, 1, 4}) {
-      for (std::uint64_t sample = 0; sample < 8; ++sample) {
-        Stream rng(9, sample);
-        Stream same(rng);
-        const auto draw = levels(k, rng);
-        CHECK(levels.value_at(k, same).value.slopes == draw.value.slopes);
-        for (std::size_t i = 0; i < 4; ++i) {
-          double p[] = {at[0], at[1], at[2], at[3]};
-          const double h = 1e-6 * at[i];
-          const auto moved = [&](double by) {
-            p[i] = at[i] + by;
-            Stream again(9, sample);
-            return sensitivities(scheme, market, payoff, p[0], p[1], p[2], p[3])(k, again);
-          };
-          const auto up = moved(h);
-          const auto down = moved(-h);
-          CHECK(draw.value.slopes[i] ==
-                Approx((up.value.value - down.value.value) / (2 * h)).epsilon(1e-5).margin(1e-6));
-          CHECK(draw.difference.slopes[i] ==
-                Approx((up.difference.value - down.difference.value) / (2 * h)).epsilon(1e-4).margin(1e-4));
-        }
-      }
-    }
+  const auto check = [](auto scheme, const auto& payoff) {
+    const auto levels_at = [&](const test::Parameters& p) {
+      return sensitivities(scheme, market, payoff, p[0], p[1], p[2], p[3]);
+    };
+    test::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-6);
   };
   check(Tree{}, call);
   check(Tree{}, digital);

@@ -12,6 +12,7 @@
 #include <debias/sde/likelihood_ratio.hpp>
 
 #include "catch_shim.hpp"
+#include "sde/difference_quotients.hpp"
 
 using namespace debias;
 
@@ -137,35 +138,11 @@ TEST_CASE(
 
 TEST_CASE("the slopes of an average, an extreme and a barrier are their difference quotients, in every parameter",
           "[sde][exact]") {
-  const double at[] = {100, 0.2, 0.05, 1};
-  const auto check = [&](auto scheme, const auto& summary, const auto& payoff) {
-    const auto levels_at = [&](const double* p) {
+  const auto check = [](auto scheme, const auto& summary, const auto& payoff) {
+    const auto levels_at = [&](const test::Parameters& p) {
       return sensitivities(scheme, market, summary, discounted(payoff), Rates{2, 1}, p[0], p[1], p[2], p[3]);
     };
-    const auto levels = levels_at(at);
-    for (const std::int64_t k : {0, 1, 4}) {
-      for (std::uint64_t sample = 0; sample < 4; ++sample) {
-        Stream rng(9, sample);
-        Stream same(rng);
-        const auto draw = levels(k, rng);
-        CHECK(levels.value_at(k, same).value.slopes == draw.value.slopes);
-        for (std::size_t i = 0; i < 4; ++i) {
-          const double h = 1e-6 * at[i];
-          const auto moved = [&](double by) {
-            double p[] = {at[0], at[1], at[2], at[3]};
-            p[i] += by;
-            Stream again(9, sample);
-            return levels_at(p)(k, again);
-          };
-          const auto up = moved(h);
-          const auto down = moved(-h);
-          CHECK(draw.value.slopes[i] ==
-                Approx((up.value.value - down.value.value) / (2 * h)).epsilon(1e-5).margin(1e-5));
-          CHECK(draw.difference.slopes[i] ==
-                Approx((up.difference.value - down.difference.value) / (2 * h)).epsilon(1e-4).margin(1e-4));
-        }
-      }
-    }
+    test::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-5);
   };
   check(MilsteinStep{}, Minimum{}, [](const auto& p) { return p.terminal - p.minimum; });
   check(MilsteinStep{}, Maximum{}, [](const auto& p) { return positive_part(p.maximum - 105); });
