@@ -276,8 +276,9 @@ estimate as stated, and the rounding of the printed digits. A figure agrees belo
 chi^2 at 1e-6, for what no single figure shows.
 
 Parameters that all rows of a table share are in the line above it. `yield` is that of the dividends, `seen` the extreme of the past. A
-lookback pays S_T - min (call) or max - S_T (put), with a fixed strike (max - K)+ or (K - min)+. The rebate of a knock-out is paid at the
-touch, that of a knock-in at the end.
+lookback pays S_T - min (call) or max - S_T (put), with a fixed strike (max - K)+ or (K - min)+. The rebate of a knock-in is paid at the
+end. Left out: Haug's knock-outs, whose rebate is paid at the touch (a time that no summary of a path here knows without bias), and
+Beaglehole's lookback at 5.477, whose goal was refused when these tables were made.
 
 **Levels.** Tables of multilevel runs give mean, variance and kurtosis of D_l over 20,000 or 200,000 draws. The library draws as many, 12
 or 24 times over, and the published figure has to be one more of these repetitions (by logarithms, where all are positive); `debias` is
