@@ -77,8 +77,261 @@ LevelRuns remembering(const LevelRuns& runs, double& work) {
   return once;
 }
 
-// The advice for blocks of nets in place of plain numbers.
-void take_nets(const NetPilot::Found& found, Advice& advice) {
+/// One recipe's pilot: stages of plain draws, each with the choice that its levels allow, then nets, if they promise less work.
+class Adviser {
+ public:
+  Adviser(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options);
+
+  Advice advise();
+
+ private:
+  /// Levels as some stage knows them. Weighing them takes longer than a choice.
+  struct Known {
+    double pilot_work = -1;
+    bool budget_spent = false;
+    Survey survey;
+    LevelModel model;                                                                      ///< of a usable one
+    std::map<std::pair<std::int64_t, std::int64_t>, std::optional<SingleTermForm>> forms;  ///< by members and block
+  };
+
+  [[nodiscard]] double seconds_so_far() const;
+  [[nodiscard]] double spent() const { return pilot_.work() + extra_ + nets_.work(); }
+  const Known& known(bool budget_spent);
+  /// The choice for plain numbers. `finally` draws all that it can to compare what it chose.
+  Advice choose(bool budget_spent, bool finally);
+  bool choose_base(bool finally, Advice& next);
+  [[nodiscard]] double expected_work() const;
+
+  void measure_first_nets();
+  void measure_nets(double work);
+  void measure_more_nets();
+  /// Nets promise less, or were asked for.
+  [[nodiscard]] bool by_nets() const { return found_ && (asks_nets_ || found_->share <= worthwhile_share); }
+  /// What pilots of both kinds may cost beside a run of nets.
+  [[nodiscard]] double most_pilots() const;
+  /// The advice for blocks of nets in place of plain numbers, if a run may take it.
+  bool take_nets();
+
+  /// The budget of the next stage, if there were one.
+  [[nodiscard]] double wanted_work() const;
+  [[nodiscard]] bool is_last(int stage) const;
+  void conclude();
+  void finish();
+  [[nodiscard]] std::string why_points() const;
+
+  [[nodiscard]] bool is_known_to_exist() const { return advice_.survey.pmf_exists == Answer::yes; }
+
+  const Plan& plan_;
+  const RecipeOptions& options_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  Plan pilot_plan_;
+  double extra_ = 0;  // work of what a choice draws for itself
+  LevelRuns runs_;
+  std::int64_t lowest_;
+  double unit_;  // work of a draw of the lowest level
+  double budget_;
+  std::int64_t deepest_;
+  Pilot pilot_;
+  bool asks_nets_;
+  NetPilot nets_;
+  std::optional<NetPilot::Found> found_;  // blocks of nets
+  double nets_budget_ = 0;                // of what they were measured with
+  std::string why_plain_;
+  Known known_;
+  Advice advice_;
+  bool has_base_ = true;
+  double run_work_ = 0;  // that the plain choice expects
+};
+
+void check(const Plan& plan, const RecipeOptions& options) {
+  detail::check_goal(plan.goal);
+  detail::check_base_level("recipe", options.base_level.value_or(options.lowest_base));
+  if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {
+    throw std::invalid_argument("recipe: budget = " + format("%g", *options.budget) +
+                                " (the work of the pilot must be positive and finite)");
+  }
+  if (options.points == Points::nets && options.base == Base::every_sample) {
+    throw std::invalid_argument(
+        "recipe: nets with Base::every_sample (base and difference take two streams, and a point is one); take "
+        "Base::one_outcome, or leave one of them out");
+  }
+}
+
+Plan plan_of_pilot(Plan plan) {
+  plan.first = 0;
+  plan.goal = {};
+  plan.save = {};
+  plan.earlier = {};
+  plan.pilot = {};
+  plan.whole = 0;
+  return plan;
+}
+
+Adviser::Adviser(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options)
+    : plan_(plan),
+      options_(options),
+      pilot_plan_(plan_of_pilot(plan)),
+      runs_(remembering(levels, extra_)),
+      lowest_(options.base_level.value_or(options.lowest_base)),
+      unit_(std::max(runs_.work(lowest_, pilot_plan_).first, std::numeric_limits<double>::min())),
+      deepest_(std::max<std::int64_t>(first_deepest, lowest_ + 4)),
+      pilot_(runs_, pilot_plan_),
+      asks_nets_(options.points == Points::nets),
+      nets_(runs_, pilot_plan_, options, unit_),
+      why_plain_(options.points == Points::plain ? "as asked" : "") {
+  if (options.rates) runs_.facts.declared = options.rates;
+  // Of a goal nobody knows yet how long a run it takes.
+  const double first_draws = plan.goal.asked() ? fewest_pilot_draws : static_cast<double>(plan.samples) / 2;
+  budget_ = unit_ * std::clamp(first_draws, fewest_pilot_draws, first_pilot_draws);
+  if (options.budget) budget_ = std::min(budget_, *options.budget);
+  if (why_plain_.empty() && options.base == Base::every_sample) why_plain_ = "the base in every sample was asked for";
+}
+
+double Adviser::seconds_so_far() const {
+  return detail::share<double>(pilot_plan_.ranks, [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  });
+}
+
+// ---- stages
+
+Advice Adviser::advise() {
+  for (int stage = 0;; ++stage) {
+    pilot_.grow(budget_, deepest_);
+    advice_ = choose(false, false);
+    run_work_ = expected_work();
+    measure_first_nets();
+    if (by_nets() && is_last(stage)) measure_more_nets();  // levels are known: what is left of the pilot goes to nets
+    if (is_last(stage)) break;
+    budget_ = wanted_work();
+    if (!is_known_to_exist()) deepest_ *= 4;
+  }
+  conclude();
+  finish();
+  return std::move(advice_);
+}
+
+double Adviser::wanted_work() const {
+  double wanted = 0;
+  if (!is_known_to_exist()) {
+    wanted = open_growth * budget_;
+  } else if (by_nets()) {
+    wanted = std::min({first_pilot_draws * unit_, level_share * most_pilots(), most_growth * budget_});
+  } else {
+    // A long run deserves a pilot that has seen more, for the sake of its PMF.
+    wanted = std::min(pilot_share * run_work_ / (runs_.shared ? 3 : 1), most_growth * budget_);
+    if (advice_.survey.grade != Grade::shown) {
+      wanted = std::max(wanted, std::min(open_growth * budget_, likely_share * run_work_));
+    }
+  }
+  // What a choice draws for itself counts, too.
+  const double limit = options_.budget.value_or(std::max(run_work_, 0.0));
+  wanted = std::min(wanted, limit * pilot_.work() / (pilot_.work() + extra_));
+  if (plan_.goal.seconds > 0) {
+    wanted = std::min(wanted, budget_ * plan_.goal.seconds / 4 / std::max(advice_.pilot_seconds, 1e-9));
+  }
+  return wanted;
+}
+
+bool Adviser::is_last(int stage) const {
+  const bool late = plan_.goal.seconds > 0 && advice_.pilot_seconds > plan_.goal.seconds / 4;
+  return stage == most_stages || late || !(wanted_work() > 1.5 * budget_);
+}
+
+// ---- the choice for plain numbers
+
+const Adviser::Known& Adviser::known(bool budget_spent) {
+  if (known_.pilot_work != pilot_.work() || known_.budget_spent != budget_spent) {
+    known_ = {pilot_.work(), budget_spent, pilot_.survey(budget_spent), {}, {}};
+  }
+  return known_;
+}
+
+Advice Adviser::choose(bool budget_spent, bool finally) {
+  Advice next;
+  next.survey = known(budget_spent).survey;
+  next.facts = runs_.facts;
+  if (next.survey.rows.back().level < lowest_ + 2) {
+    throw std::invalid_argument("recipe: base level " + std::to_string(lowest_) + " (the pilot reached only level " +
+                                std::to_string(next.survey.rows.back().level) +
+                                ", and a PMF needs two differences above the base); take a lower one");
+  }
+  if (next.usable()) {
+    const bool asked = plan_.goal.asked();
+    next.runs_together = static_cast<bool>(runs_.together);
+    next.block = std::max<std::int64_t>(advice_.block, 64);
+    set_members(next,
+                asked ? fewest_blocks_of(next) * static_cast<double>(next.block) : static_cast<double>(plan_.samples));
+    has_base_ = choose_base(finally && !asked, next);
+    if (!has_base_) {
+      next.survey.pmf_exists = Answer::open;
+      next.survey.grade = Grade::open;
+    } else if (asked) {
+      set_members(next, wanted_members(next, plan_));
+      // With the block of that many members.
+      has_base_ = choose_base(finally, next);
+      set_members(next, wanted_members(next, plan_));
+    }
+  }
+  next.pilot_work = spent();
+  next.pilot_seconds = seconds_so_far();
+  return next;
+}
+
+bool Adviser::choose_base(bool finally, Advice& next) {
+  if (known_.model.size() == 0) known_.model = model_of(known_.survey);
+  const TermQuestion question{runs_, known_.model, pilot_plan_, options_, plan_.goal.asked()};
+  const auto [form, is_new] = known_.forms.try_emplace({next.members, next.block});
+  if (is_new) form->second = choose_term(question, next);
+  if (form->second) take_term(question, *form->second, finally, next);
+  return form->second.has_value();
+}
+
+double Adviser::expected_work() const {
+  // Without a base, that of a run whose base is the deepest level.
+  const double of_member = has_base_ ? advice_.predicted.work : advice_.survey.rows.back().value_work;
+  const double work = std::min(of_member * static_cast<double>(advice_.members), most_pilot_draws * unit_);
+  // What is open may have no PMF, and then a work that is next to endless.
+  if (is_known_to_exist() || plan_.goal.asked()) return work;
+  return std::min(work, most_open_work * unit_ * static_cast<double>(advice_.members));
+}
+
+// ---- nets
+
+void Adviser::measure_first_nets() {
+  if (!why_plain_.empty() || !has_base_ || !advice_.usable() || !(is_known_to_exist() || asks_nets_)) return;
+  const double least = nets_.least_work(lowest_);
+  double first = std::min(first_nets_draws * unit_, first_nets_share * run_work_);
+  if (options_.budget) first = std::min(first, *options_.budget - spent());
+  if (asks_nets_) first = std::max(first, least);
+  if (nets_budget_ > 0 || first >= least) measure_nets(std::max(nets_budget_, first));
+}
+
+void Adviser::measure_nets(double work) {
+  const double seconds_left = plan_.goal.seconds > 0 ? Goal::aim * plan_.goal.seconds - seconds_so_far() : 0;
+  found_ = nets_.choose(work, plan_, advice_, known_.model, seconds_left);
+  nets_budget_ = work;
+}
+
+void Adviser::measure_more_nets() {
+  while (by_nets()) {
+    double next = std::min(net_growth * nets_budget_, most_pilots() - spent());
+    if (plan_.goal.seconds > 0) {
+      next = std::min(next, nets_budget_ * plan_.goal.seconds / 8 / std::max(seconds_so_far(), 1e-9));
+    }
+    if (!(next >= 2 * nets_budget_)) break;
+    measure_nets(next);
+  }
+}
+
+double Adviser::most_pilots() const {
+  const double most = std::max(short_pilot_draws * unit_, net_pilot_share * found_->run_work);
+  return std::min(most, options_.budget.value_or(most));
+}
+
+bool Adviser::take_nets() {
+  Advice advice = advice_;
+  const NetPilot::Found& found = *found_;
   advice.points = Points::nets;
   advice.base_level = found.base_level;
   advice.base = Base::one_outcome;
@@ -89,9 +342,59 @@ void take_nets(const NetPilot::Found& found, Advice& advice) {
   advice.members = static_cast<std::int64_t>(found.blocks) * advice.block;
   const double n = found.block.members();
   advice.predicted = {found.block.variance * n, found.block.work / n};
-  advice.bound = bound_of(advice.survey, model_of(advice.survey), advice.base_level);
+  advice.bound = bound_of(advice.survey, known_.model, advice.base_level);
   advice.highest_moment = highest_moment_of(advice.survey, found.theta);
   advice.price = 1;
+  if (!is_drawable(advice, runs_.deepest_level, false)) return false;
+  advice_ = std::move(advice);
+  return true;
+}
+
+// ---- the end
+
+void Adviser::conclude() {
+  if (!has_base_) {
+    throw std::invalid_argument(
+        "recipe: no level up to " + std::to_string(advice_.survey.rows.back().level) +
+        " can be the base (values, or their squares, are not finite numbers in these draws); take draws whose "
+        "weights vary less, or a larger budget for deeper levels");
+  }
+  if (by_nets()) {
+    if (take_nets()) return;
+    why_plain_ = "the tail of nets reaches levels that cannot be drawn";
+  }
+  if (asks_nets_ && advice_.usable()) {
+    throw std::invalid_argument("recipe: nets (" + (why_plain_.empty() ? nets_.why() : why_plain_) +
+                                "); take plain numbers, or leave the choice to the pilot");
+  }
+  advice_ = choose(advice_.survey.pmf_exists == Answer::open, pilot_.work() <= final_share * run_work_);
+}
+
+void Adviser::finish() {
+  advice_.pilot_work = spent();  // what was drawn for the choice, too
+  advice_.pilot_seconds = seconds_so_far();
+  if (advice_.usable() && plan_.goal.asked() && static_cast<double>(advice_.members) > most_affordable) {
+    refuse_cost(advice_, wanted_members(advice_, plan_));
+  }
+  judge_points(advice_.survey, runs_);
+  for (const Warning& remark : advice_.survey.remarks) {
+    if (!is_note(remark.code)) advice_.warnings.push_back(remark);
+  }
+  advice_.why_points = why_points();
+  advice_.usable() ? describe(advice_) : describe_none(advice_);
+}
+
+std::string Adviser::why_points() const {
+  if (advice_.points == Points::nets) {
+    return (asks_nets_ ? "as asked" : format("%.2g", found_->share) + " of the work of plain numbers predicted") +
+           ", from " + std::to_string(NetPilot::nets) + " nets of each level up to " +
+           std::to_string(nets_.last_level());
+  }
+  if (!why_plain_.empty()) return why_plain_;
+  if (found_) {
+    return "nets would take " + format("%.2g", found_->share) + " of the work, a quarter less is the least gain";
+  }
+  return nets_budget_ > 0 ? nets_.why() : "no nets were measured: the run is short, or its levels are not known";
 }
 
 }  // namespace
@@ -99,197 +402,8 @@ void take_nets(const NetPilot::Found& found, Advice& advice) {
 bool Advice::usable() const { return survey.pmf_exists != Answer::no; }
 
 Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options) {
-  detail::check_goal(plan.goal);
-  const std::int64_t lowest = options.base_level.value_or(options.lowest_base);
-  detail::check_base_level("recipe", lowest);
-  if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {
-    throw std::invalid_argument("recipe: budget = " + format("%g", *options.budget) +
-                                " (the work of the pilot must be positive and finite)");
-  }
-  Plan pilot_plan = plan;
-  pilot_plan.first = 0;
-  pilot_plan.goal = {};
-  pilot_plan.save = {};
-  pilot_plan.earlier = {};
-  pilot_plan.pilot = {};
-  pilot_plan.whole = 0;
-  const auto start = std::chrono::steady_clock::now();
-  const auto seconds_so_far = [&] {
-    return detail::share<double>(pilot_plan.ranks, [&] {
-      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    });
-  };
-  double extra = 0;  // work of what a choice draws for itself
-  LevelRuns runs = remembering(levels, extra);
-  if (options.rates) runs.facts.declared = options.rates;
-  const double unit = std::max(runs.work(lowest, pilot_plan).first, std::numeric_limits<double>::min());
-  // Of a goal nobody knows yet how long a run it takes.
-  const double first_draws = plan.goal.asked() ? fewest_pilot_draws : static_cast<double>(plan.samples) / 2;
-  double budget = unit * std::clamp(first_draws, fewest_pilot_draws, first_pilot_draws);
-  if (options.budget) budget = std::min(budget, *options.budget);
-  Pilot pilot(runs, pilot_plan);
-  const bool asks_nets = options.points == Points::nets;
-  if (asks_nets && options.base == Base::every_sample) {
-    throw std::invalid_argument(
-        "recipe: nets with Base::every_sample (base and difference take two streams, and a point is one); take "
-        "Base::one_outcome, or leave one of them out");
-  }
-  NetPilot nets(runs, pilot_plan, options, unit);
-  std::optional<NetPilot::Found> found;  // blocks of nets
-  double nets_budget = 0;                // of what they were measured with
-  std::string why_plain = options.points == Points::plain ? "as asked" : "";
-  if (why_plain.empty() && options.base == Base::every_sample) why_plain = "the base in every sample was asked for";
-  Advice advice;
-  std::int64_t deepest = std::max<std::int64_t>(first_deepest, lowest + 4);
-  bool has_base = true;
-  for (int stage = 0;; ++stage) {
-    pilot.grow(budget, deepest);
-    const auto choose = [&](bool budget_spent, bool finally) {
-      Advice next;
-      next.survey = pilot.survey(budget_spent);
-      next.facts = runs.facts;
-      if (next.survey.rows.back().level < lowest + 2) {
-        throw std::invalid_argument("recipe: base level " + std::to_string(lowest) + " (the pilot reached only level " +
-                                    std::to_string(next.survey.rows.back().level) +
-                                    ", and a PMF needs two differences above the base); take a lower one");
-      }
-      if (next.usable()) {
-        next.runs_together = static_cast<bool>(runs.together);
-        next.block = std::max<std::int64_t>(advice.block, 64);
-        set_members(next, plan.goal.asked() ? fewest_blocks_of(next) * static_cast<double>(next.block)
-                                            : static_cast<double>(plan.samples));
-        const bool asked = plan.goal.asked();
-        has_base = choose_term(runs, pilot_plan, options, asked, finally && !asked, next);
-        if (!has_base) {
-          next.survey.pmf_exists = Answer::open;
-          next.survey.grade = Grade::open;
-        } else if (asked) {
-          set_members(next, wanted_members(next, plan));
-          // With the block of that many members.
-          has_base = choose_term(runs, pilot_plan, options, asked, finally, next);
-          set_members(next, wanted_members(next, plan));
-        }
-      }
-      next.pilot_work = pilot.work() + extra + nets.work();
-      next.pilot_seconds = seconds_so_far();
-      return next;
-    };
-    advice = choose(false, false);
-    // Without a base, that of a run whose base is the deepest level.
-    const double of_member = has_base ? advice.predicted.work : advice.survey.rows.back().value_work;
-    double run_work = std::min(of_member * static_cast<double>(advice.members), most_pilot_draws * unit);
-    // What is open may have no PMF, and then a work that is next to endless.
-    if (advice.survey.pmf_exists != Answer::yes && !plan.goal.asked()) {
-      run_work = std::min(run_work, most_open_work * unit * static_cast<double>(advice.members));
-    }
-    const bool yes = advice.survey.pmf_exists == Answer::yes;
-    const auto seconds_left = [&] {
-      return plan.goal.seconds > 0 ? Goal::aim * plan.goal.seconds - seconds_so_far() : 0;
-    };
-    const auto measure_nets = [&](double work) {
-      found = nets.choose(work, plan, advice, seconds_left());
-      nets_budget = work;
-    };
-    const auto by_nets = [&] { return found && (asks_nets || found->share <= worthwhile_share); };
-    const auto spent = [&] { return pilot.work() + extra + nets.work(); };
-    // What pilots of both kinds may cost beside a run of nets.
-    const auto most_pilots = [&] {
-      const double most = std::max(short_pilot_draws * unit, net_pilot_share * found->run_work);
-      return std::min(most, options.budget.value_or(most));
-    };
-    if (why_plain.empty() && has_base && advice.usable() && (yes || asks_nets)) {
-      const double least = nets.least_work(lowest);
-      double first = std::min(first_nets_draws * unit, first_nets_share * run_work);
-      if (options.budget) first = std::min(first, *options.budget - spent());
-      if (asks_nets) first = std::max(first, least);
-      if (nets_budget > 0 || first >= least) measure_nets(std::max(nets_budget, first));
-    }
-    const auto wanted_work = [&] {
-      const double limit = options.budget.value_or(std::max(run_work, 0.0));
-      double wanted = 0;
-      if (!yes) {
-        wanted = open_growth * budget;
-      } else if (by_nets()) {
-        wanted = std::min({first_pilot_draws * unit, level_share * most_pilots(), most_growth * budget});
-      } else {
-        // A long run deserves a pilot that has seen more, for the sake of its PMF.
-        wanted = std::min(pilot_share * run_work / (runs.shared ? 3 : 1), most_growth * budget);
-        if (advice.survey.grade != Grade::shown) {
-          wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
-        }
-      }
-      // What a choice draws for itself counts, too.
-      wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra));
-      if (plan.goal.seconds > 0) {
-        wanted = std::min(wanted, budget * plan.goal.seconds / 4 / std::max(advice.pilot_seconds, 1e-9));
-      }
-      return wanted;
-    };
-    const bool late = plan.goal.seconds > 0 && advice.pilot_seconds > plan.goal.seconds / 4;
-    const auto is_last = [&] { return stage == most_stages || late || !(wanted_work() > 1.5 * budget); };
-    if (by_nets() && is_last()) {
-      // Levels are known: what is left of the pilot goes to nets.
-      while (by_nets()) {
-        double next = std::min(net_growth * nets_budget, most_pilots() - spent());
-        if (plan.goal.seconds > 0) {
-          next = std::min(next, nets_budget * plan.goal.seconds / 8 / std::max(seconds_so_far(), 1e-9));
-        }
-        if (!(next >= 2 * nets_budget)) break;
-        measure_nets(next);
-      }
-    }
-    if (is_last()) {
-      if (!has_base) {
-        throw std::invalid_argument(
-            "recipe: no level up to " + std::to_string(advice.survey.rows.back().level) +
-            " can be the base (values, or their squares, are not finite numbers in these draws); take draws whose "
-            "weights vary less, or a larger budget for deeper levels");
-      }
-      if (by_nets()) {
-        Advice with_nets = advice;
-        take_nets(*found, with_nets);
-        if (is_drawable(with_nets, runs.deepest_level, false)) {
-          advice = std::move(with_nets);
-          break;
-        }
-        why_plain = "the tail of nets reaches levels that cannot be drawn";
-      }
-      if (asks_nets && advice.usable()) {
-        throw std::invalid_argument("recipe: nets (" + (why_plain.empty() ? nets.why() : why_plain) +
-                                    "); take plain numbers, or leave the choice to the pilot");
-      }
-      advice = choose(advice.survey.pmf_exists == Answer::open, pilot.work() <= final_share * run_work);
-      break;
-    }
-    const double wanted = wanted_work();
-    if (advice.survey.pmf_exists != Answer::yes) deepest *= 4;
-    budget = wanted;
-  }
-  advice.pilot_work = pilot.work() + extra + nets.work();  // what was drawn for the choice, too
-  advice.pilot_seconds = seconds_so_far();
-  if (advice.usable() && plan.goal.asked() && static_cast<double>(advice.members) > most_affordable) {
-    refuse_cost(advice, wanted_members(advice, plan));
-  }
-  judge_points(advice.survey, runs);
-  for (const Warning& remark : advice.survey.remarks) {
-    if (!is_note(remark.code)) advice.warnings.push_back(remark);
-  }
-  if (advice.points == Points::nets) {
-    advice.why_points =
-        asks_nets ? "as asked" : format("%.2g", found->share) + " of the work of plain numbers predicted";
-    advice.why_points +=
-        ", from " + std::to_string(NetPilot::nets) + " nets of each level up to " + std::to_string(nets.last_level());
-  } else if (!why_plain.empty()) {
-    advice.why_points = why_plain;
-  } else if (found) {
-    advice.why_points =
-        "nets would take " + format("%.2g", found->share) + " of the work, a quarter less is the least gain";
-  } else {
-    advice.why_points =
-        nets_budget > 0 ? nets.why() : "no nets were measured: the run is short, or its levels are not known";
-  }
-  advice.usable() ? describe(advice) : describe_none(advice);
-  return advice;
+  check(plan, options);
+  return Adviser(levels, plan, options).advise();
 }
 
 }  // namespace debias

@@ -55,19 +55,18 @@ double beyond_of(const AnyPmf& pmf, const SingleTermForm& form, std::int64_t dee
 // Chooses among candidates, from one survey.
 class Choice {
  public:
-  Choice(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal, Advice& advice)
-      : runs_(runs),
-        plan_(plan),
-        options_(options),
+  Choice(const TermQuestion& question, Advice& advice)
+      : runs_(question.runs),
+        plan_(question.plan),
+        options_(question.options),
         advice_(advice),
         survey_(advice.survey),
-        allowed_beyond_(detail::allowed_beyond(static_cast<double>(advice.members) * (has_goal ? spare_members : 1))) {
-    model_ = model_of(survey_);
-  }
+        model_(question.model),
+        allowed_beyond_(
+            detail::allowed_beyond(static_cast<double>(advice.members) * (question.has_goal ? spare_members : 1))) {}
 
-  /// `finally` draws all that it can to compare what it chose. False: no level has values that are finite numbers, of
-  /// finite variance.
-  [[nodiscard]] bool choose(bool finally) {
+  [[nodiscard]] std::optional<SingleTermForm> choose() {
+    std::optional<SingleTermForm> chosen;
     double best = infinity;
     bool found = false;
     bool found_drawable = false;
@@ -83,7 +82,7 @@ class Choice {
     const auto first = std::find_if(survey_.rows.begin(), survey_.rows.end(), [&](const SurveyRow& r) {
       return r.level >= lowest && survey_.row_at(r.level + 1) != nullptr;
     });
-    if (first == survey_.rows.end()) return false;
+    if (first == survey_.rows.end()) return {};
     const double unit = first->value_work;
     for (std::int64_t m = lowest; m <= highest; ++m) {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
@@ -105,11 +104,27 @@ class Choice {
         found = true;
         found_drawable = is_drawable;
         best = product;
-        chosen_ = form;
+        chosen = form;
       }
     }
-    if (found) conclude(finally ? 1 : shared_share);
-    return found;
+    return chosen;
+  }
+
+  void take(const SingleTermForm& form, bool finally) {
+    const TermMoments moments = moments_of(form, finally ? 1 : shared_share);
+    advice_.base_level = form.base_level;
+    advice_.base = form.base;
+    advice_.shares_base = form.base == Base::every_sample && runs_.shared;
+    advice_.price = 1;
+    advice_.pmf = pmf_of(form, moments, &advice_.price);
+    advice_.exponent = advice_.pmf.tail_exponent();
+    // What a steep PMF divides the doubt of levels by that no run draws is not to be paid for.
+    const VarianceAndWork drawn = predict(drawn_of(moments, advice_.pmf), advice_.pmf);
+    advice_.predicted = predict(moments, advice_.pmf);
+    if (drawn.variance > 0 && advice_.predicted.variance > most_doubt * drawn.variance) advice_.predicted = drawn;
+    advice_.deepest_level = runs_.deepest_level;
+    advice_.bound = bound_of(survey_, model_, form.base_level);
+    advice_.highest_moment = highest_moment_of(survey_, advice_.exponent.exponent);
   }
 
  private:
@@ -278,23 +293,6 @@ class Choice {
     return AnyPmf(Tabulated(std::move(masses), rounded(std::exp2(-exponent), 4)));
   }
 
-  void conclude(double share) {
-    const TermMoments moments = moments_of(chosen_, share);
-    advice_.base_level = chosen_.base_level;
-    advice_.base = chosen_.base;
-    advice_.shares_base = chosen_.base == Base::every_sample && runs_.shared;
-    advice_.price = 1;
-    advice_.pmf = pmf_of(chosen_, moments, &advice_.price);
-    advice_.exponent = advice_.pmf.tail_exponent();
-    // What a steep PMF divides the doubt of levels by that no run draws is not to be paid for.
-    const VarianceAndWork drawn = predict(drawn_of(moments, advice_.pmf), advice_.pmf);
-    advice_.predicted = predict(moments, advice_.pmf);
-    if (drawn.variance > 0 && advice_.predicted.variance > most_doubt * drawn.variance) advice_.predicted = drawn;
-    advice_.deepest_level = runs_.deepest_level;
-    advice_.bound = bound_of(survey_, model_, chosen_.base_level);
-    advice_.highest_moment = highest_moment_of(survey_, advice_.exponent.exponent);
-  }
-
   // Of the levels that a run of so many members is likely to draw: deeper ones have no part in the variance that it shows.
   [[nodiscard]] TermMoments drawn_of(TermMoments moments, const AnyPmf& pmf) const {
     constexpr double likely = 1.0 / 16;  // draws
@@ -311,16 +309,18 @@ class Choice {
   const RecipeOptions& options_;
   Advice& advice_;
   const Survey& survey_;
-  LevelModel model_;
+  const LevelModel& model_;
   double allowed_beyond_;
-  SingleTermForm chosen_;
 };
 
 }  // namespace
 
-bool choose_term(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal, bool finally,
-                 Advice& advice) {
-  return Choice(runs, plan, options, has_goal, advice).choose(finally);
+std::optional<SingleTermForm> choose_term(const TermQuestion& question, Advice& advice) {
+  return Choice(question, advice).choose();
+}
+
+void take_term(const TermQuestion& question, const SingleTermForm& form, bool finally, Advice& advice) {
+  Choice(question, advice).take(form, finally);
 }
 
 bool is_drawable(const Advice& advice, std::int64_t deepest_level, bool has_goal) {

@@ -5,14 +5,27 @@
 //
 //   Notation: m = base level, p = PMF, members = samples of the single-term estimator, in blocks.
 
+#include <optional>
+
 #include <debias/recipe.hpp>
+#include <debias/recipe/model.hpp>
 
 namespace debias {
 
-/// Chooses for advice.members in blocks of advice.block, from advice.survey. `finally` draws all that it can to compare what it
-/// chose. False: no level has values that are finite numbers, of finite variance.
-[[nodiscard]] bool choose_term(const LevelRuns& runs, const Plan& plan, const RecipeOptions& options, bool has_goal,
-                               bool finally, Advice& advice);
+/// What a choice is made from.
+struct TermQuestion {
+  const LevelRuns& runs;
+  const LevelModel& model;  ///< of advice.survey
+  const Plan& plan;
+  const RecipeOptions& options;
+  bool has_goal = false;
+};
+
+/// The form with the least variance x work for advice.members in blocks of advice.block. Nothing where no level has values that
+/// are finite numbers, of finite variance.
+[[nodiscard]] std::optional<SingleTermForm> choose_term(const TermQuestion& question, Advice& advice);
+/// The advice for that form: its PMF, and what it costs. `finally` draws all that it can for that.
+void take_term(const TermQuestion& question, const SingleTermForm& form, bool finally, Advice& advice);
 
 /// Blocks that a run has at least, where it can have them.
 double fewest_blocks_of(const Advice& advice);

@@ -291,12 +291,11 @@ std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double wo
 }
 
 std::optional<NetPilot::Found> NetPilot::choose(double work, const Plan& plan, const Advice& plain,
-                                                double seconds_left) {
+                                                const LevelModel& model, double seconds_left) {
   constexpr double better = 0.9;    // a deeper base has to bring a tenth: by less two of them differ by noise
   constexpr double most_base = 64;  // of the work of the lowest
   const std::int64_t lowest = std::max(options_.lowest_base, plain.survey.evidence.lowest_base);
   const std::int64_t first = options_.base_level.value_or(settled_.value_or(lowest));
-  const LevelModel model = model_of(plain.survey);
   std::optional<Found> best = from(first, work, plan, plain, model, seconds_left);
   // Bases are compared once: each costs a measurement of its own.
   if (!best || options_.base_level || settled_) return best;

@@ -40,8 +40,9 @@ class NetPilot {
   };
 
   /// Measures with about so much work, and chooses for the goal of the plan, or for its samples. `plain` is the choice for plain
-  /// numbers. Nothing where no run of nets was found: `why` then says why.
-  std::optional<Found> choose(double work, const Plan& plan, const Advice& plain, double seconds_left);
+  /// numbers, `model` that of its levels. Nothing where no run of nets was found: `why` then says why.
+  std::optional<Found> choose(double work, const Plan& plan, const Advice& plain, const LevelModel& model,
+                              double seconds_left);
   [[nodiscard]] const std::string& why() const { return why_; }
   /// Of all nets so far.
   [[nodiscard]] double work() const { return work_; }
