@@ -397,7 +397,12 @@ Statistics merge(const Statistics& a, const Statistics& b) {
   }
   statistics.masses = a.masses.empty() ? b.masses : a.masses;
   add_warnings(statistics);
-  // What was found with points that no state keeps.
+  // What was found with points that no state keeps, and what that took.
+  for (const Statistics* part : {&a, &b}) {
+    const double extra = part->pilot_work - part->state.pilot.work;
+    statistics.work += extra;
+    statistics.pilot_work += extra;
+  }
   for (const Statistics* part : {&a, &b}) {
     const auto found = std::find_if(part->warnings.begin(), part->warnings.end(),
                                     [](const Warning& w) { return w.code == WarningCode::aliased_differences; });

@@ -1,7 +1,8 @@
 #pragma once
 
 // The whole state of a result as 64-bit words, so that `==` asks for equal bits: counts, means, every moment,
-// the level table, tails, largest samples and what is not finite. Time is not part of the answer.
+// the level table, tails, largest samples and what is not finite. Time is not part of the answer, nor is the work of what each
+// part of a run looks into for itself (core/resonance.hpp).
 
 #include <bit>
 #include <cstdint>
@@ -24,7 +25,8 @@ inline std::vector<std::uint64_t> bits_of(const Statistics& s) {
     number(c.standard_error);
   }
   count(s.moments.count);
-  for (const double x : {s.moments.mean, s.moments.m2, s.moments.m3, s.moments.m4, s.work}) number(x);
+  for (const double x : {s.moments.mean, s.moments.m2, s.moments.m3, s.moments.m4}) number(x);
+  number(s.state.total().work);
   for (const LevelRow& row : s.levels) {
     count(row.level);
     count(row.last_level);

@@ -25,6 +25,7 @@ constexpr std::int64_t higher_base = 2;
 constexpr std::int64_t pilot_draws = 512;
 constexpr std::int64_t pilot_levels = 11;
 constexpr double draws_per_kurtosis = 10;
+constexpr std::int64_t fewest_equal = 64;  // samples, or blocks of them, that say something though they are all equal
 constexpr std::int64_t fewest_samples = 1024;  // of problems whose samples are costly
 
 using PilotMoments = std::array<LevelSums, pilot_levels>;
@@ -95,6 +96,21 @@ double predicted_kurtosis(const Problem& problem, const Choice& choice, const Pi
   return std::sqrt(second) > rounding_bound(std::abs(problem.truth)) ? fourth / (second * second) : 1;
 }
 
+// All samples are equal: so few that others need not show, or what none of them drew beside the deepest level, or in place of
+// it, explains how far they are from the truth.
+bool says_nothing(const Cell& cell, const PilotMoments& moments) {
+  const Statistics& s = cell.statistics;
+  if (s.components.front().standard_error > 0 || s.levels.empty() || std::abs(cell.z) <= 1) return false;
+  if (s.blocks < fewest_equal) return true;
+  const LevelRow& deepest = s.levels.back();
+  const double of_block = static_cast<double>(s.block) * deepest.probability;
+  double beyond = 0;
+  for (std::int64_t k = deepest.last_level; k < pilot_levels; ++k) {
+    beyond += std::sqrt(moments[static_cast<std::size_t>(k)].square / pilot_draws) / std::min(1.0, of_block);
+  }
+  return std::abs(s.components.front().mean - cell.problem->truth) <= 1.1 * beyond;
+}
+
 // In blocks of nets: as many points of a level as its variance asks for, 32 of the base.
 Choice in_nets(const Problem& problem, Choice choice) {
   const Rates& rates = problem.rates;
@@ -123,6 +139,12 @@ Cell run_cell(const Problem& problem, const Choice& choice, const Plan& plan, co
   const double error = believed_error(cell.statistics, problem.truth);
   cell.z = (cell.statistics.components.front().mean - problem.truth) / error;
   cell.detectable_bias = error;  // in units of the threshold, which is known once all cells are counted
+  if (needs_pmf(choice) && cell.status == Status::refused && says_nothing(cell, moments)) {
+    cell.status = Status::underpowered;
+    cell.reason = "all " + std::to_string(cell.statistics.blocks) +
+                  " samples are equal, and none drew a level beyond " +
+                  std::to_string(cell.statistics.levels.back().last_level);
+  }
   if (is_baseline(choice)) {
     cell.status = Status::biased;
     cell.reason = "baseline: the estimate of one level, bias and all";
