@@ -131,11 +131,11 @@ piece() {
   esac
   case $1 in
     tree) echo "$(git ls-files | wc -l) files, none of them changed" ;;
-    gcc) builds dev ;;
+    gcc) builds dev all debias_headers ;;
     gcc-tests) tests dev '^(quick|stat)$' -E '^(install|consumer_.*|notebook_.*)$' ;;
     consumers) tests dev quick -R '^(install|consumer_.*)$' ;;
     notebooks) tests dev stat -R '^notebook_' ;;
-    clang) builds clang ;;
+    clang) builds clang all debias_headers ;;
     clang-tests) tests clang '^(quick|stat)$' -E '^notebook_' ;;
     assertions) builds assertions ;;
     assertions-tests) tests assertions '^(quick|stat)$' -E '^(install|consumer_.*|notebook_.*)$' ;;

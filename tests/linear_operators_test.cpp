@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <Eigen/Sparse>
 
 #include <debias/core/estimate.hpp>
@@ -21,6 +21,7 @@
 #include "catch_shim.hpp"
 #include "laws/estimator_laws.hpp"
 #include "laws/sequence_laws.hpp"
+#include "operators/matrices.hpp"
 
 using namespace debias;
 using debias::laws::estimator_laws;
@@ -168,7 +169,7 @@ TEST_CASE("D17: log det(I - A) and traces of functions by random signs", "[linea
   CHECK(std::abs(m.mean + 0.9) < 4.5 * m.standard_error());
   CHECK(m.variance() == Approx(0.2).epsilon(0.05));
 
-  const double trace_of_exp = Eigen::SelfAdjointEigenSolver<Matrix3d>(chain).eigenvalues().array().exp().sum();
+  const double trace_of_exp = testing::trace_by_eigenvalues(chain, [](double x) { return std::exp(x); });
   const auto inverse_factorial = [](std::int64_t k) { return 1 / std::tgamma(static_cast<double>(k) + 1); };
   const auto exponential = trace_of_function(chain, inverse_factorial, std::numeric_limits<double>::infinity());
   CHECK(agrees(roulette(exponential, Geometric(0.5)), trace_of_exp));

@@ -4,7 +4,9 @@
 . "$(dirname -- "$0")/checks.sh"
 [ -n "${MPIEXEC:-}" ] && command -v "$MPIEXEC" > /dev/null || { echo "skipped: no MPI"; exit 77; }
 # Open MPI asks for these where there are few cores, or for the root of a container; MPICH does not.
+# A rank that waits gives way to one that works.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
+export OMPI_MCA_mpi_yield_when_idle=1
 
 # on RANKS WORDS...   `debias WORDS` on that many
 on() { ranks=$1; shift; timeout 60 "$MPIEXEC" -n "$ranks" "$debias" "$@" < /dev/null; }

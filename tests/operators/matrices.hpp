@@ -4,10 +4,11 @@
 
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <numbers>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <Eigen/Sparse>
 
 namespace debias::testing {
@@ -73,22 +74,15 @@ inline Eigen::MatrixXd kernel(Eigen::Index n, double length, double nugget) {
   return k;
 }
 
-/// tr f(A) by eigenvalues.
-template <class F>
-double trace_by_eigenvalues(const Eigen::MatrixXd& a, const F& f) {
-  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(a).eigenvalues();
-  double sum = 0;
-  for (Eigen::Index i = 0; i < values.size(); ++i) sum += f(values[i]);
-  return sum;
-}
+// Factorisations, compiled once (matrices.cpp).
 
+/// tr f(A) by eigenvalues.
+double trace_by_eigenvalues(const Eigen::MatrixXd& a, const std::function<double(double)>& f);
 /// f(A) by eigenvectors.
-template <class F>
-Eigen::MatrixXd function_by_eigenvalues(const Eigen::MatrixXd& a, const F& f) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(a);
-  Eigen::VectorXd values = solver.eigenvalues();
-  for (Eigen::Index i = 0; i < values.size(); ++i) values[i] = f(values[i]);
-  return solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
-}
+Eigen::MatrixXd function_by_eigenvalues(const Eigen::MatrixXd& a, const std::function<double(double)>& f);
+double largest_eigenvalue(const Eigen::MatrixXd& a);
+Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& a);
+/// A^-1 b.
+Eigen::VectorXd solved(const Eigen::MatrixXd& a, const Eigen::VectorXd& b);
 
 }  // namespace debias::testing
