@@ -31,21 +31,23 @@ struct Runs {
   int reliable_and_missed = 0;
   double squares = 0;  // of true errors over goals
   std::vector<double> pilot_shares = {};
-  std::string names = {};  // of what did not go well
+  std::vector<double> long_shares = {};  // of runs that take 1e5 draws of the lowest level or more
+  std::string names = {};                // of what did not go well
 
   [[nodiscard]] double error_over_goal() const { return std::sqrt(squares / (runs - refused)); }
-  [[nodiscard]] double pilot_share() const {
-    std::vector<double> all = pilot_shares;
-    std::sort(all.begin(), all.end());
-    return all[all.size() / 2];
-  }
 };
+
+double median(std::vector<double> all) {
+  std::sort(all.begin(), all.end());
+  return all[all.size() / 2];
+}
 
 std::ostream& operator<<(std::ostream& out, const Runs& r) {
   return out << r.runs << " runs, " << r.refused << " refused; goal missed " << r.goal_missed << ", error over goal "
              << r.error_over_goal() << ", covered " << r.covered << ", INFINITE " << r.infinite << ", reliable "
              << r.reliable << " of which missed " << r.reliable_and_missed << "; where beta - gamma >= 1/2 reliable "
-             << r.clear_reliable << " of " << r.clear << "; pilot's share in the median " << r.pilot_share() << r.names;
+             << r.clear_reliable << " of " << r.clear << "; pilot's share in the median " << median(r.pilot_shares)
+             << ", of " << r.long_shares.size() << " long runs " << median(r.long_shares) << r.names;
 }
 
 void add_run(Runs& r, const catalog::Problem& p, double wish, std::uint64_t seed) {
@@ -83,6 +85,7 @@ void add_run(Runs& r, const catalog::Problem& p, double wish, std::uint64_t seed
     }
     r.squares += error * error;
     r.pilot_shares.push_back(s.pilot_work / s.work);
+    if (s.work - s.pilot_work >= 1e5 * a.survey.rows.front().value_work) r.long_shares.push_back(r.pilot_shares.back());
   } catch (const std::invalid_argument& e) {  // no PMF, none that can be drawn, or a price that nobody pays
     ++r.refused;
     name(e.what());
@@ -107,4 +110,5 @@ TEST_CASE("plain problems by goals: met, honest, hardly ever refused", "[.long][
   CHECK(100 * r.reliable_and_missed <= 7 * r.reliable);
   CHECK(r.error_over_goal() <= 1.1);
   CHECK(100 * r.clear_reliable >= 85 * r.clear);
+  CHECK(median(r.long_shares) <= 0.2);  // a short run costs less than what shows its levels
 }
