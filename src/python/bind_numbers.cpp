@@ -1,4 +1,4 @@
-// Anyone's numbers: what they say, and quantiles.
+// Anyone's numbers: what they say, intervals, and quantiles.
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+
+#include <debias/statistics/dependent.hpp>
 
 #include "binding.hpp"
 #include "commands/diagnose.hpp"
@@ -38,7 +40,11 @@ class Diagnostician {
       }
     }
   }
-  py::tuple finish(const std::string& name) { return as_objects(diagnosis(name)); }
+  /// The report, and of what its interval is made: standard error and degrees of freedom, 0 where there is none.
+  py::tuple finish(const std::string& name) {
+    const commands::Diagnosis d = diagnosis(name);
+    return py::make_tuple(as_objects(d), py::make_tuple(d.interval_error, d.interval_degrees));
+  }
 
  private:
   commands::Diagnosis diagnosis(const std::string& name) {
@@ -72,6 +78,12 @@ class Diagnostician {
 }  // namespace
 
 void bind_numbers(py::module_& m) {
+  m.def("interval", [](double mean, double error, double degrees, const py::dict& confidence) {
+    return translated([&] {
+      const Interval found = interval_with(mean, error, degrees, Options(confidence).share("confidence"));
+      return std::pair(found.low, found.high);
+    });
+  });
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
 
   py::class_<Diagnostician>(m, "Diagnostician")

@@ -39,9 +39,9 @@ class Conventions(Quiet):
                     continue
                 with self.subTest(f"{module.__name__}.{name}"):
                     self.assertTrue(thing.__doc__, "no docstring")
-                    test = doctest.DocTestFinder(recurse=False).find(thing, name, module=False, globs={})
+                    test = doctest.DocTestFinder(recurse=isinstance(thing, type)).find(thing, name, module=False, globs={})
                     examples = [t for t in test if t.examples]
-                    self.assertTrue(examples, "no example")
+                    self.assertIn(name, [t.name for t in examples], "no example")
                     for t in examples:
                         out = []
                         failed, n = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(t, out=out.append)

@@ -37,6 +37,33 @@ class Results(unittest.TestCase):
         self.assertTrue((abs(r.mean - [1 / 4, 1 / 8]) < 4.5 * r.standard_error).all())
         self.assertTrue((r.confidence_interval.low < r.confidence_interval.high).all())
 
+    def test_intervals_of_any_level_of_a_diagnosis(self):
+        values = np.array([1.0, 2.0, 5.0])
+        found = debias.diagnose(values)
+        interval = found.confidence_interval
+        self.assertEqual(interval(0.95), tuple(interval))
+        for level in (0.5, 0.9, 0.99):
+            half = level * np.sqrt(2 / (1 - level**2)) * found.standard_error  # Student's t of two degrees of freedom
+            np.testing.assert_allclose(interval(level), (found.mean - half, found.mean + half), rtol=1e-12)
+        # The unit changes nothing, and squares do not overflow.
+        large = debias.diagnose(values * 2.0**600).confidence_interval(0.9)
+        np.testing.assert_array_equal(large, np.multiply(interval(0.9), 2.0**600))
+        # As wide as what neighbours say, as the one of 95 % is.
+        rng = np.random.default_rng(1)
+        walk = debias.diagnose(np.convolve(rng.normal(size=20_000), np.ones(50) / 50, "valid"))
+        self.assertIn("dependence", [w.code for w in walk.warnings])
+        ratio = (walk.confidence_interval(0.99).high - walk.mean) / (walk.confidence_interval.high - walk.mean)
+        self.assertGreater(walk.confidence_interval.high - walk.mean, 4 * walk.standard_error)
+        self.assertTrue(1.31 < ratio < 1.4, ratio)  # 1.314 of a normal law, and a little more of few degrees of freedom
+        again = pickle.loads(pickle.dumps(found))
+        self.assertEqual(again, found)
+        self.assertEqual(again.confidence_interval(0.5), interval(0.5))
+        for nothing in ([1.0], [1.0, np.inf, 2.0]):
+            self.assertTrue(np.isnan(debias.diagnose(nothing).confidence_interval(0.9)).all())
+        for wrong in (0, 1, 2, -0.5, "a", float("nan")):
+            with self.assertRaisesRegex(ValueError, "confidence = "):
+                interval(wrong)
+
     def test_warnings(self):
         with self.assertWarns(debias.InfiniteVarianceWarning):
             debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
