@@ -37,9 +37,7 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
     return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
-    const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
-    lookups->collect_queries(mean_work);
-    return mean_work();
+    return lookups->unanswered([&] { return debias::detail::mean_work(sequence, level, plan); });
   };
   runs.nets = [sequence, lookups](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
     return debias::detail::net_moments(
@@ -391,7 +389,7 @@ class Means : public Source<double> {
 
  private:
   bool asks(std::int64_t level, Stream& rng) const {
-    if (!independent || !lookups_->collecting()) return false;
+    if (!independent || !lookups_->collecting() || lookups_->answers_with_zeros()) return false;
     lookups_->ask(0, doubled_draws(level), rng);
     return true;
   }

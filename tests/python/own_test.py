@@ -86,6 +86,35 @@ class Levels(Quiet):
         self.raises(ValueError, "shared: returned ndarray", debias.estimate,
                     debias.levels(square, shared=lambda k, m, u: u[:, 0], **options), samples=100)
 
+    def test_functions_are_called_no_more_often_than_needed(self):
+        # The chunks of a pilot asked one by one, an array once more for its first sample, a recipe 32 times for the work of a level.
+        rows = []
+
+        def counted(u):
+            rows.append(len(u))
+            return x_squared(u)
+
+        own = debias.function_of_mean(counted, "reciprocal")
+        debias.estimate(own, error=0.0075)
+        self.assertEqual(len(rows), 2)  # of the pilot, and of the run
+        rows.clear()
+        debias.estimate(own, error=0.0075, estimator="recipe")
+        self.assertLess(len(rows), 20)
+        asked = []
+
+        def squares(level, u):
+            asked.append(level)
+            halves = np.stack((u[:, ::2].mean(axis=1), u[:, -1::-2].mean(axis=1)))
+            fine = np.repeat(((halves[0] + halves[1]) / 2)[:, None], 2, axis=1)
+            return (fine**2, np.repeat((halves**2).mean(axis=0)[:, None], 2, axis=1)) if level else fine**2
+
+        pairs = debias.levels(squares, dimension=lambda level: 2**level, components=2, rates=(2, 1))
+        debias.estimate(pairs, samples=3000)
+        self.assertEqual(len(asked), len(set(asked)))
+        asked.clear()
+        debias.survey(pairs, levels=4, samples=400)
+        self.assertEqual(sorted(asked), sorted(set(asked)))
+
     def test_a_generator_for_each_draw(self):
         def gamma(level, rng):
             x = rng.gamma(2.0, size=2**level)
