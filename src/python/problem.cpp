@@ -66,6 +66,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
                          [[maybe_unused]] const std::optional<T>& terms = {}) {
   using catalog::Method;
   const auto with = [sequence, terms](const Choice& choice, const auto& use) {
+    static_cast<void>(terms);  // of levels there are none
     if constexpr (TermSequence<T>) {
       if (terms && choice.method == Method::roulette) {
         return use(roulette(*terms, choice.pmf, {.base_level = choice.base_level}));
