@@ -41,6 +41,8 @@ void judge_dependence(Diagnosis& d) {
     return;
   }
   d.interval = interval_with(d.moments.mean, dependence.standard_error, dependence.degrees);
+  d.interval_error = dependence.standard_error;
+  d.interval_degrees = dependence.degrees;
   // The verdict then says that the interval is not reliable.
   d.verdict.degrees = dependence.known() ? dependence.degrees : std::min(dependence.degrees, 4.0);
 }
@@ -255,6 +257,8 @@ void judge(Diagnosis& d) {
   }
   if (d.nonfinite > 0 || d.moments.count < 2) return;
   d.interval = interval_of(d.moments);
+  d.interval_error = d.moments.standard_error();
+  d.interval_degrees = static_cast<double>(d.moments.count - 1);
   if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);
   d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
   if (d.moments.m2 > 0) {
@@ -268,6 +272,7 @@ void judge(Diagnosis& d) {
   }
   for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
   d.interval = scaled(d.interval, d.scale);
+  d.interval_error = std::ldexp(d.interval_error, d.scale);
   d.block_interval = scaled(d.block_interval, d.scale);
 }
 

@@ -41,6 +41,8 @@ struct Diagnosis {
   double mean = 0;
   double standard_error = 0;  ///< NaN of one value
   Interval interval;
+  double interval_error = 0;    ///< the standard error that it allows for, in the unit of the values
+  double interval_degrees = 0;  ///< of its Student's t; 0 without an interval
   std::vector<double> block_means;
   std::int64_t block_length = 1;
   Interval block_interval;

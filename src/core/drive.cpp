@@ -89,6 +89,9 @@ Plan plan_for_goal(const Plan& plan, const Drawn& drawn) {
   for (;;) {
     pilot.samples = pilot_blocks * block;
     check_on_all(pilot, drawn);
+    // An earlier pilot is the first part of this one; a chunk of it that was cut is drawn from its beginning.
+    const std::int64_t held = pilot.earlier ? pilot.earlier->last() / pieces.chunk * pieces.chunk : pilot.first;
+    drawn.begin(std::max(pilot.first, held) / block, (pilot.first + pilot.samples) / block, true);
     const Statistics s = run(pilot, {.estimator = "pilot"}, pieces, drawn.body);
     spent.work = s.work + again;
     spent.seconds = s.seconds;
@@ -178,20 +181,16 @@ Statistics with_rounding(Statistics s, double epsilon) {
 
 Statistics drive(Drawn& drawn, const Plan& plan) {
   const std::int64_t block = drawn.pieces.block;
-  const auto begin = [&](const Plan& next) {
-    drawn.begin(next.first / block, (next.first + next.samples) / block, !drawn.pilot && !next.earlier);
-  };
   Plan fixed = in_blocks(plan, block);
   if (plan.goal.asked()) {
     drawn.pilot = true;
-    begin(fixed);
     fixed = plan_for_goal(fixed, drawn);
     drawn.pilot = false;
   }
   // A pilot has been told more, by its caller.
   if (drawn.facts && fixed.pilot.levels.empty()) fixed.pilot.sequence = *drawn.facts;
   check_on_all(fixed, drawn);
-  begin(fixed);
+  drawn.begin(fixed.first / block, (fixed.first + fixed.samples) / block, !fixed.earlier);
   Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
   s.goal = plan.goal;
   if (drawn.bias_bound) s.bias_bound = drawn.bias_bound(s.state.total().levels);

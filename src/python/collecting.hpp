@@ -48,12 +48,6 @@ class Collecting {
     }
     for (std::int64_t i = first; i < last; ++i) recorder.add(draw(i, recorder));
   }
-  template <class Draw>
-  auto again(std::int64_t i, const Draw& draw) {
-    collect_queries(i, i + 1, draw);
-    NullRecord record;
-    return draw(i, record).value;
-  }
   template <class F>
   auto aside(const F& f) {
     collection_->collect_queries([&] { f(); });
@@ -84,12 +78,12 @@ class Collecting {
   std::int64_t end_ = 0;
 };
 
-/// `estimate` so.
+/// `estimate` so; nothing is asked again for the mean in the type of the value.
 template <Estimator E, class Collection>
-auto estimate_collected(Collection& collection, const E& estimator, Plan plan) {
+Statistics estimate_collected(Collection& collection, const E& estimator, Plan plan) {
   plan.threads = 1;
   Collecting<Collection> way(collection, debias::detail::pieces_of(estimator).block);
-  return debias::detail::estimate_by(way, estimator, plan);
+  return debias::detail::statistics_by(way, estimator, plan);
 }
 
 }  // namespace debias::python

@@ -15,6 +15,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -42,6 +43,8 @@ class Lookups {
   static constexpr std::int64_t deepest_doubling = 26;  ///< level of 2^level rows that one draw may ask for at once
 
   [[nodiscard]] bool collecting() const { return collecting_; }
+  /// In a first pass that has no second one: who reads answers there reads zeros.
+  [[nodiscard]] bool answers_with_zeros() const { return unanswered_; }
   /// Of first passes, which one: what a draw has left elsewhere in it is stale in the next one.
   [[nodiscard]] std::uint64_t pass() const { return pass_; }
 
@@ -89,6 +92,7 @@ class Lookups {
   /// Asks with so many rows of the next numbers of a stream.
   void ask(std::int64_t level, std::int64_t count, Stream& rng) {
     Rows& rows = rows_of(level);
+    if (unanswered_) return;
     const auto at_once = static_cast<std::int64_t>(most_pending / (rows.size.width + 1) + 1);
     for (; count > 0; count -= std::min(count, at_once)) {
       rng.fill(room(level, rows, static_cast<std::size_t>(std::min(count, at_once))));
@@ -98,6 +102,10 @@ class Lookups {
   /// The answers to the next row, or to the next rows.
   std::span<const double> next(std::int64_t level, std::size_t count = 1) {
     Rows& rows = rows_of(level);
+    if (unanswered_) {
+      rows.answers.assign(count, 0.0);
+      return rows.answers;
+    }
     const std::size_t begin = rows.read * rows.answer_width;
     const std::size_t size = count * rows.answer_width;
     if (begin + size > rows.answers.size() || size == 0) {
@@ -115,6 +123,21 @@ class Lookups {
     for (auto& [level, rows] : rows_) {
       if (rows.asked > 0) answer(level, rows);
     }
+  }
+
+  /// f(), for what does not depend on answers, such as the work of a draw: nobody is asked.
+  template <class F>
+  auto unanswered(const F& f) {
+    unanswered_ = true;
+    std::invoke_result_t<const F&> result{};
+    try {
+      collect_queries([&] { result = f(); });
+    } catch (...) {
+      unanswered_ = false;
+      throw;
+    }
+    unanswered_ = false;
+    return result;
   }
 
  private:
@@ -138,6 +161,10 @@ class Lookups {
   };
 
   std::span<double> room(std::int64_t level, Rows& rows, std::size_t count) {
+    if (unanswered_) {  // of no use to anybody
+      rows.questions.resize(count * rows.size.width);
+      return rows.questions;
+    }
     if (rows.questions.size() > most_pending) answer(level, rows);
     rows.asked += count;
     rows.questions.resize(rows.questions.size() + count * rows.size.width);
@@ -180,6 +207,7 @@ class Lookups {
   std::map<std::int64_t, Rows> rows_;
   std::array<Rows*, 64> near_{};  // by level
   bool collecting_ = false;
+  bool unanswered_ = false;
   std::uint64_t pass_ = 0;
   std::int64_t ahead_ = std::int64_t{1} << 16;
 };

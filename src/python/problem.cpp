@@ -37,9 +37,7 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
     return estimate_collected(*lookups, debias::detail::LevelDraw<S>{sequence, level}, plan);
   };
   runs.work = [sequence, lookups](std::int64_t level, const Plan& plan) {
-    const auto mean_work = [&] { return debias::detail::mean_work(sequence, level, plan); };
-    lookups->collect_queries(mean_work);
-    return mean_work();
+    return lookups->unanswered([&] { return debias::detail::mean_work(sequence, level, plan); });
   };
   runs.nets = [sequence, lookups](std::int64_t level, bool as_base, int octaves, const Plan& plan) {
     return debias::detail::net_moments(
@@ -68,6 +66,7 @@ UserProblem make_problem(const Facts& facts, const S& sequence, const std::share
                          [[maybe_unused]] const std::optional<T>& terms = {}) {
   using catalog::Method;
   const auto with = [sequence, terms](const Choice& choice, const auto& use) {
+    static_cast<void>(terms);  // of levels there are none
     if constexpr (TermSequence<T>) {
       if (terms && choice.method == Method::roulette) {
         return use(roulette(*terms, choice.pmf, {.base_level = choice.base_level}));
@@ -391,7 +390,7 @@ class Means : public Source<double> {
 
  private:
   bool asks(std::int64_t level, Stream& rng) const {
-    if (!independent || !lookups_->collecting()) return false;
+    if (!independent || !lookups_->collecting() || lookups_->answers_with_zeros()) return false;
     lookups_->ask(0, doubled_draws(level), rng);
     return true;
   }

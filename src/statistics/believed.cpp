@@ -118,7 +118,6 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     }
   }
   if (!e.courses.empty() && last > e.last_usable) {
-    // Far beyond, a few levels an octave, and lines between them.
     std::vector<double> paths(e.courses.size());
     std::int64_t previous = e.last_usable;
     for (std::int64_t k = e.last_usable + 1; k <= last;) {
@@ -140,8 +139,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
       }
       previous = k;
       if (k == last) break;
-      const std::int64_t beyond = k - e.last_usable;
-      k = std::min(last, k + (beyond < 32 ? 1 : beyond / 8));
+      k = std::min(last, statistics::node_after(e.last_usable, k));
     }
   }
   // Seen, but without a vote, or with too few others for a course: at least what was seen.

@@ -398,7 +398,17 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
         (std::isfinite(f.kurtosis) ? std::max(f.kurtosis, 3.0) : 3) / static_cast<double>(f.draws));
   }
   if (p.last() < p.first()) return d;
-  const std::vector<Believed> all = believed(e, p.last());
+  const double log2_members = std::log2(members);
+  const auto expects_draws = [&](std::int64_t level) { return std::exp2(p.at(level) + log2_members) >= 1; };
+  // Where levels go on for ever, the first one that is too deep to count ends what follows.
+  std::int64_t deepest = p.last();
+  if (!e.courses.empty() && e.end == End::none) {
+    deepest = std::min(deepest, std::max({p.first(), e.last_usable, e.facts.back().level}) + 1);
+    const std::int64_t counts = e.last_difference + most_left_out;
+    while (deepest < p.last() && (deepest <= counts || expects_draws(deepest) || voice_at(e, deepest) != nullptr))
+      ++deepest;
+  }
+  const std::vector<Believed> all = believed(e, std::min(p.last(), statistics::node_from(e.last_usable, deepest)));
   const RarityTrend rarity(e);
   // What a level with a mass but no draw leaves out is its mean: those add up. The sequence converges, so that no mean
   // is larger than those seen.
@@ -417,7 +427,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   double replaced = 0;  // the means beside what stands for them
   double left_out_doubt = 0;
   for (std::int64_t k = p.first(); k <= p.last(); ++k) {
-    const double draws_expected = std::exp2(p.at(k) + std::log2(members));
+    const double draws_expected = std::exp2(p.at(k) + log2_members);
     const double mass = std::exp2(p.at(k));
     const LevelVoice* voice = voice_at(e, k);
     const bool known = voice != nullptr && voice->hits >= few && std::isfinite(voice->log2_second);
@@ -433,6 +443,7 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
       continue;
     }
     d.levels.push_back(k);
+    if (k >= std::ssize(all)) break;
     const Believed& b = all[static_cast<std::size_t>(k)];
     if (!std::isfinite(b.log2_second)) continue;
     const double doubt = std::min(std::exp2(2 * b.error) - 1, most_doubt);

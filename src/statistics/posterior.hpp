@@ -68,6 +68,18 @@ class Ahead {
   Way octaves_;
 };
 
+/// Of the levels beyond the last usable one whose b is computed, the one after `level`: far beyond a few an octave. Lines are between.
+inline std::int64_t node_after(std::int64_t last_usable, std::int64_t level) {
+  const std::int64_t beyond = level - last_usable;
+  return level + (beyond < 32 ? 1 : beyond / 8);
+}
+/// The first of them that is no shallower than `level`.
+inline std::int64_t node_from(std::int64_t last_usable, std::int64_t level) {
+  std::int64_t node = last_usable + 1;
+  while (node < level) node = node_after(last_usable, node);
+  return node;
+}
+
 /// Levels beyond the last usable one: 32 single ones, then two an octave.
 using Horizon = std::vector<Ahead>;
 Horizon horizon_of(std::int64_t last_usable);

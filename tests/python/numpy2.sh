@@ -42,19 +42,24 @@ cp -r "$root"/src/python/debias/* "$package"
 version=$(sed -n 's/^project(debias VERSION \([0-9.]*\).*/\1/p' "$root/CMakeLists.txt")
 eigen=$(pkg-config --cflags eigen3 2> /dev/null || echo -I/usr/include/eigen3)
 objects=
-for name in chains compiled module named_function options problem; do
+for source in "$root"/src/python/*.cpp; do
+  name=$(basename "$source" .cpp)
   "${CXX:-g++}" -std=c++20 -O1 -fPIC -fvisibility=hidden -ffp-contract=off "-DDEBIAS_VERSION=\"$version\"" \
     "-I$root/include" "-I$root/src" $eigen "-I$(ask 'import pybind11; print(pybind11.get_include())')" \
     "-I$(ask 'import sysconfig; print(sysconfig.get_paths()["include"])')" \
-    -c "$root/src/python/$name.cpp" -o "$here/$name.o"
+    -c "$source" -o "$here/$name.o"
   objects="$objects $here/$name.o"
 done
 suffix=$(ask 'import sysconfig; print(sysconfig.get_config_var("EXT_SUFFIX"))')
 "${CXX:-g++}" -shared -o "$package/_debias$suffix" $objects \
   -L"$build" -ldebias_commands -ldebias_validation -ldebias_catalog -ldebias -Wl,-rpath,"$build" -lpthread
-PYTHONPATH=$here/python DEBIAS_PROGRAM=$build/bin/debias DEBIAS_SAME_BITS=$build/bin/debias_same_bits \
-  "$two" "$root/tests/python/debias_test.py"
-PYTHONPATH=$here/python "$two" "$root/tests/python/own_test.py"
+(
+  cd "$root/tests/python"
+  export PYTHONPATH="$here/python" DEBIAS_PROGRAM="$build/bin/debias" DEBIAS_SAME_BITS="$build/bin/debias_same_bits"
+  # shellcheck disable=SC2035,SC2046
+  "$two" -m unittest $(ls *_test.py | grep -v "^own")
+  "$two" -m unittest own*_test.py
+)
 
 # ---- types
 if install mypy; then

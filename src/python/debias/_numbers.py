@@ -48,7 +48,8 @@ def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
                        casting="same_kind", order="C", buffersize=1 << 16)
     for piece, left_out in pieces if array.size else ():
         diagnostician.add(piece, left_out)
-    return Diagnosis(*diagnostician.finish(name))
+    said, spread = diagnostician.finish(name)
+    return Diagnosis(*said, spread)
 
 
 def _has_mask(values: Any) -> bool:

@@ -37,12 +37,18 @@ Interval.__new__.__annotations__.update(low=Any, high=Any)
 
 
 class _IntervalOf(Interval):
-    """The interval of a result, which gives those of other levels where it is called."""
+    """The interval of a report, which gives those of other levels where it is called."""
 
-    _result: Any
+    _report: Any
+
+    @classmethod
+    def _made(cls, report: Any, low: Any, high: Any) -> "_IntervalOf":
+        found = cls(low, high)
+        found._report = report
+        return found
 
     def __call__(self, level: float) -> Interval:
-        found: Interval = self._result._interval(level)
+        found: Interval = self._report._interval(level)
         return found
 
     def __reduce__(self) -> Tuple[Any, ...]:
@@ -231,11 +237,16 @@ class Result(Report):
         """Of the confidence that was asked for, and called with another level that one: `result.confidence_interval(0.99)`.
 
         By Student's t, so see `verdict` for whether it is to be trusted.
+
+        Examples
+        --------
+        >>> import debias
+        >>> result = debias.estimate("A10", samples=1000)
+        >>> result.confidence_interval(0.99).low < result.confidence_interval.low
+        True
         """
         interval = self._known("interval")
-        found = _IntervalOf(self._components("low", interval["low"]), self._components("high", interval["high"]))
-        found._result = self
-        return found
+        return _IntervalOf._made(self, self._components("low", interval["low"]), self._components("high", interval["high"]))
 
     def _interval(self, level: float) -> Interval:
         if level == self._known("interval").get("confidence"):
@@ -350,10 +361,35 @@ class Diagnosis(Report):
     def standard_error(self) -> float:
         return _number(self._data["standard_error"])
 
+    def __init__(self, text: str, full_text: str, json_text: str, data: Dict[str, Any], spread: Tuple[float, float]):
+        super().__init__(text, full_text, json_text, data)
+        self._spread = spread  # standard error and degrees of freedom of the interval
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        return (*super().__reduce__()[:1], (*self._three(), self._data, self._spread))
+
     @property
-    def confidence_interval(self) -> Interval:
-        interval = self._data["interval"] or {"low": None, "high": None}
-        return Interval(_number(interval["low"]), _number(interval["high"]))
+    def confidence_interval(self) -> _IntervalOf:
+        """Of confidence 0.95, and called with another level that one: `diagnosis.confidence_interval(0.99)`.
+
+        By Student's t, with the standard error that allows for values that resemble their neighbours; see `verdict` for whether it
+        is to be trusted. NaN where there is none: of one value, or if one is not finite.
+
+        Examples
+        --------
+        >>> import debias
+        >>> diagnosis = debias.diagnose([1.0, 2.0, 3.0])
+        >>> diagnosis.confidence_interval(0.5).high < diagnosis.confidence_interval.high
+        True
+        """
+        return _IntervalOf._made(self, *self._interval((self._data["interval"] or {}).get("confidence", 0.95)))
+
+    def _interval(self, level: float) -> Interval:
+        interval = self._data["interval"] or {"low": None, "high": None, "confidence": None}
+        if level == interval["confidence"]:
+            return Interval(_number(interval["low"]), _number(interval["high"]))
+        error, degrees = self._spread if self._data["interval"] else (math.nan, 1.0)
+        return Interval(*_debias.interval(self.mean, error, degrees, {"confidence": level}))
 
     @property
     def verdict(self) -> str:
