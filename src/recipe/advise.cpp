@@ -218,8 +218,8 @@ Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& op
           wanted = std::max(wanted, std::min(open_growth * budget, likely_share * run_work));
         }
       }
-      // What a choice draws for itself counts, too.
-      wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra));
+      // What a choice draws for itself counts, too, but not what is looked at once.
+      wanted = std::min(wanted, limit * pilot.work() / (pilot.work() + extra - pilot.looked_ahead()));
       if (plan.goal.seconds > 0) {
         wanted = std::min(wanted, budget * plan.goal.seconds / 4 / std::max(advice.pilot_seconds, 1e-9));
       }
