@@ -224,9 +224,9 @@ double Adviser::wanted_work() const {
       wanted = std::max(wanted, std::min(open_growth * budget_, likely_share * run_work_));
     }
   }
-  // What a choice draws for itself counts, too.
+  // What a choice draws for itself counts, too, but not what is looked at once.
   const double limit = options_.budget.value_or(std::max(run_work_, 0.0));
-  wanted = std::min(wanted, limit * pilot_.work() / (pilot_.work() + extra_));
+  wanted = std::min(wanted, limit * pilot_.work() / (pilot_.work() + extra_ - pilot_.looked_ahead()));
   if (plan_.goal.seconds > 0) {
     wanted = std::min(wanted, budget_ * plan_.goal.seconds / 4 / std::max(advice_.pilot_seconds, 1e-9));
   }
@@ -241,8 +241,9 @@ bool Adviser::is_last(int stage) const {
 // ---- the choice for plain numbers
 
 const Adviser::Known& Adviser::known(bool budget_spent) {
-  if (known_.pilot_work != pilot_.work() || known_.budget_spent != budget_spent) {
-    known_ = {pilot_.work(), budget_spent, pilot_.survey(budget_spent), {}, {}};
+  const double seen = pilot_.work() + pilot_.looked_ahead();
+  if (known_.pilot_work != seen || known_.budget_spent != budget_spent) {
+    known_ = {seen, budget_spent, pilot_.survey(budget_spent), {}, {}};
   }
   return known_;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/text.hpp"
+#include "survey/survey_of.hpp"
 
 namespace debias {
 namespace {
@@ -24,6 +25,9 @@ constexpr double unexplained_by_processor = 24;
 constexpr double least_time = 2e-5;   // seconds of the processor that a clock can tell
 constexpr double enough_time = 4e-3;  // to speak of a level
 constexpr std::int64_t rising = 3;    // levels over which the time has grown
+constexpr double steep = 1;           // octaves by which work grows at a level ...
+constexpr double bend = 0.01;         // ... and at least so much less than before: a line would go on too steeply
+constexpr std::size_t settled = 6;    // levels above the first, whose deeper half tells how work goes on
 
 // Of the processor, for this thread: neither a busy machine nor other threads count as work.
 double processor_seconds() {
@@ -125,6 +129,30 @@ void Pilot::grow(double work, std::int64_t deepest) {
     work_ += spent;
     left = std::max(0.0, left - spent);
   }
+  follow_work(2 * work);
+}
+
+bool Pilot::work_bends() const {
+  if (work_of_.size() < 4) return false;
+  const std::int64_t last = work_of_.rbegin()->first;
+  if (work_of_.find(last - 1) == work_of_.end() || work_of_.find(last - 2) == work_of_.end()) return false;
+  const auto growth = [&](std::int64_t k) { return std::log2(of_both(work_of_.at(k)) / of_both(work_of_.at(k - 1))); };
+  return growth(last) > steep && growth(last) < growth(last - 1) - bend;
+}
+
+void Pilot::follow_work(double most) {
+  while (work_bends() && work_of_.size() <= settled) {
+    const auto [last, work] = *work_of_.rbegin();
+    if (last == runs_.deepest_level || last + 1 == end_) return;
+    const double next = of_both(work) * of_both(work) / of_both(work_of_.at(last - 1));
+    if (!(next * static_cast<double>(2 * detail::draws_for_work) <= most)) return;
+    try {
+      const std::pair<double, double> each = work_of(last + 1);
+      looked_ahead_ += (each.first + each.second) * static_cast<double>(detail::draws_for_work);
+    } catch (const std::length_error&) {
+      end_ = last + 1;
+    }
+  }
 }
 
 void Pilot::draw(std::int64_t level, std::int64_t draws) {
@@ -157,7 +185,16 @@ void Pilot::check_time(std::int64_t level) const {
 Survey Pilot::survey(bool budget_spent) const {
   std::vector<SurveyRow> rows;
   for (const auto& [level, s] : drawn_) rows.push_back(row_of(s, level, work_of_.at(level)));
-  return survey_of(std::move(rows), plan_.seed, runs_.facts, budget_spent);
+  std::vector<LevelFacts> beyond;
+  if (work_bends() && rows.back().second_moment > 0) {
+    for (auto known = work_of_.upper_bound(rows.back().level); known != work_of_.end(); ++known) {
+      LevelFacts f;
+      f.level = known->first;
+      f.work = known->second.second;
+      beyond.push_back(f);
+    }
+  }
+  return survey_of(std::move(rows), plan_.seed, runs_.facts, budget_spent, beyond);
 }
 
 }  // namespace debias

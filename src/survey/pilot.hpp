@@ -6,6 +6,7 @@
 //
 // Throws std::invalid_argument, "state the work", at the first level whose time grows 24 times beyond its stated work: that
 // of the few draws that tell its work is enough. Asks plan.progress before each of them.
+// Where the work of a level grows by ever smaller factors, that of up to six levels is looked at, drawn or not.
 // A level is drawn while the budget leaves it 64 draws beside the others. Stops before a level that the sequence refuses
 // (std::length_error).
 
@@ -31,10 +32,16 @@ class Pilot {
   [[nodiscard]] Survey survey(bool budget_spent) const;
   /// Of all draws so far.
   [[nodiscard]] double work() const { return work_; }
+  /// Work of the draws that told the work of levels beyond; none of `work`.
+  [[nodiscard]] double looked_ahead() const { return looked_ahead_; }
   [[nodiscard]] std::int64_t levels() const { return static_cast<std::int64_t>(drawn_.size()); }
 
  private:
   std::pair<double, double> work_of(std::int64_t level);
+  /// Does work grow by ever smaller factors?
+  [[nodiscard]] bool work_bends() const;
+  /// Then it looks at the next levels, as long as that takes no more than so much work.
+  void follow_work(double most);
   void draw(std::int64_t level, std::int64_t draws);
   void check_time(std::int64_t level) const;
   [[noreturn]] void refuse_time(std::int64_t level, double seconds) const;
@@ -46,6 +53,7 @@ class Pilot {
   std::map<std::int64_t, double> seconds_of_;  // of the processor, that finding this out took
   int unexplained_levels_ = 0;                 ///< the last ones, in a row
   double work_ = 0;
+  double looked_ahead_ = 0;
   std::int64_t end_ = -1;  // the first level that the sequence refuses; -1: none known
 };
 

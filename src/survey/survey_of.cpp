@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include <debias/survey.hpp>
+#include "survey/survey_of.hpp"
 
 #include "core/regression.hpp"
 #include "core/text.hpp"
@@ -98,10 +98,14 @@ std::string text_of(double x) { return format("%.3g", x); }
 
 class Conclusion {
  public:
-  Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
+  Conclusion(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent,
+             const std::vector<LevelFacts>& beyond) {
     survey_.rows = std::move(rows);
     survey_.seed = seed;
     survey_.evidence = weigh(facts_of(survey_.rows), sequence, budget_spent);
+    if (!beyond.empty() && survey_.evidence.end == End::none && !survey_.evidence.missing_moments) {
+      survey_.evidence = weigh_with(beyond, sequence, budget_spent);
+    }
     survey_.pmf_exists = survey_.evidence.answer;
     survey_.grade = survey_.evidence.grade;
   }
@@ -121,6 +125,17 @@ class Conclusion {
   }
 
  private:
+  // The work of more levels tells how it goes on. They have no part in the rest: nothing of them was drawn.
+  Evidence weigh_with(const std::vector<LevelFacts>& beyond, const SequenceFacts& sequence, bool budget_spent) const {
+    std::vector<LevelFacts> facts = facts_of(survey_.rows);
+    const auto drawn = static_cast<std::ptrdiff_t>(facts.size());
+    facts.insert(facts.end(), beyond.begin(), beyond.end());
+    Evidence e = weigh(std::move(facts), sequence, budget_spent);
+    e.facts.erase(e.facts.begin() + drawn, e.facts.end());
+    e.voices.erase(e.voices.begin() + drawn, e.voices.end());
+    return e;
+  }
+
   static std::vector<LevelFacts> facts_of(const std::vector<SurveyRow>& rows) {
     std::vector<LevelFacts> facts;
     for (const SurveyRow& row : rows) {
@@ -424,7 +439,12 @@ class Conclusion {
 }  // namespace
 
 Survey survey_of(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent) {
-  return Conclusion(std::move(rows), seed, sequence, budget_spent).draw();
+  return survey_of(std::move(rows), seed, sequence, budget_spent, {});
+}
+
+Survey survey_of(std::vector<SurveyRow> rows, std::uint64_t seed, const SequenceFacts& sequence, bool budget_spent,
+                 const std::vector<LevelFacts>& beyond) {
+  return Conclusion(std::move(rows), seed, sequence, budget_spent, beyond).draw();
 }
 
 }  // namespace debias

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -112,6 +114,66 @@ TEST_CASE("no period q 2^m is more than five standard errors off without a warni
         CHECK_FALSE(is_silently_wrong(Fence{periods}, seed, 1 << 13));
       }
     }
+  }
+}
+
+// Every door of 1 / (q 2^m) over 20 seeds. A survey has no answer of its own: it is wrong where the limit lies farther from its
+// last level than its last differences explain.
+TEST_CASE("no period q 2^m is more than five standard errors off without a warning by any door over 20 seeds",
+          "[resonance][.long]") {
+  using F = std::function<double(double)>;
+  constexpr std::int64_t samples = 1 << 13;
+  std::map<std::string, int> runs;
+  std::map<std::string, int> wrong;
+  std::map<std::string, int> silent;
+  const auto count = [&](const std::string& door, bool is_wrong, bool warned) {
+    ++runs[door];
+    wrong[door] += is_wrong;
+    silent[door] += is_wrong && !warned;
+    return !(is_wrong && !warned);
+  };
+  const auto is_off = [](double mean, double error, double truth) {
+    return std::abs(mean - truth) > 5 * error + 1e-13 * truth;
+  };
+  const auto by_all_doors = [&](const F& f, double truth, std::uint64_t seed) {
+    const auto levels = transmitted(f);
+    const auto judged = [&](const std::string& door, const auto& r) {
+      CHECK(count(door, is_off(r.mean, r.standard_error, truth), is_warned(r.warnings)));
+    };
+    const Plan plan{.samples = samples, .seed = seed, .threads = 1};
+    const Plan goal{.seed = seed, .threads = 1, .goal = {.relative_error = 1e-2}};
+    judged("pmf", estimate(single_term(levels), plan));
+    const auto base_level = static_cast<std::int64_t>(1 + seed % 7);
+    judged("pmf and base level", estimate(single_term(levels, Geometric(0.75), {.base_level = base_level}), plan));
+    judged("pmf and goal", estimate(single_term(levels), goal));
+    judged("recipe", estimate(recipe(levels), plan));
+    judged("recipe and goal", estimate(recipe(levels), goal));
+    const MultilevelStatistics m = multilevel(levels, 1e-2 * truth, {.seed = seed, .threads = 1});
+    CHECK(count("multilevel", is_off(m.components.front().mean, m.error(), truth), is_warned(m.warnings)));
+    const Survey s = survey(levels, 8, {.samples = 1024, .seed = seed, .threads = 1});
+    const SurveyRow& last = s.rows.back();
+    double explained = 0;
+    for (std::size_t k = 5; k < 8; ++k) explained = std::max(explained, 8 * std::sqrt(s.rows[k].second_moment));
+    const bool is_wrong = std::abs(last.mean - truth) > explained + 5 * last.mean_error + 1e-13 * truth;
+    CHECK(count("survey", is_wrong, s.pmf_exists == Answer::open && is_warned(s.remarks)));
+  };
+  for (const int q : {1, 3, 5, 7, 9}) {
+    for (int m = 0; m <= 12; ++m) {
+      const double periods = q * std::exp2(m);
+      for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+        CAPTURE(q, m, seed);
+        by_all_doors(Wave{periods}, Wave{periods}.truth(), seed);
+        const Wave added{periods, 0.4, 1};
+        by_all_doors(added, added.truth(), seed);
+        by_all_doors(Fence{periods}, Fence::truth(), seed);
+        by_all_doors([fence = Fence{periods}](double x) { return fence(x) - x * x; },
+                     Fence::truth() * std::exp(-1.0 / 3), seed);
+      }
+    }
+  }
+  for (const auto& [door, n] : runs) {
+    WARN(door << ": runs " << n << ", wrong " << wrong[door] << ", silent " << silent[door]);
+    CHECK(wrong[door] > n / 20);  // there is something to be warned of
   }
 }
 

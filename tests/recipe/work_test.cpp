@@ -1,0 +1,73 @@
+// Work whose growth falls from level to level: how a pilot goes on beyond the levels that it draws.
+
+#include <cmath>
+#include <cstdint>
+
+#include "catch_shim.hpp"
+
+#include <debias/core/stream.hpp>
+#include <debias/recipe.hpp>
+
+#include "catalog/make.hpp"
+
+using namespace debias;
+
+namespace {
+
+// D_k of sd 2^(-decay k / 2), and a work.
+template <class Work>
+auto levels_of(double decay, const Work& work) {
+  return [decay, work](std::int64_t level, Stream& rng) {
+    const double z = rng.normal();
+    if (level == 0) return base(1 + z);
+    return Draw<double>{1 + z, std::exp2(-decay * static_cast<double>(level) / 2) * z,
+                        work(static_cast<double>(level))};
+  };
+}
+
+// The growth of work in octaves a level, by a short pilot.
+template <class S>
+double growth_of(const S& levels) {
+  const Advice a = advise(level_runs(levels), {.samples = 1 << 15, .seed = 3, .threads = 1}, RecipeOptions{});
+  CHECK(a.survey.rows.back().level < 6);  // few levels were drawn
+  return a.survey.evidence.work.value;
+}
+
+}  // namespace
+
+TEST_CASE("work of trees is followed beyond the levels that a short pilot draws", "[recipe][exact]") {
+  // Where they lead to: 1. The lines through what was drawn: 1.44, 1.67, 1.53.
+  CHECK(growth_of(levels_of(2, [](double k) { return (k + 1) * std::exp2(k - 1); })) < 1.26);
+  CHECK(growth_of(levels_of(2.5, [](double k) { return std::pow(k + 1, 1.5) * std::exp2(k - 1); })) < 1.4);
+  CHECK(growth_of(levels_of(2.5, [](double k) { return std::pow(k + 1, 0.7) * std::exp2(1.2 * k); })) < 1.4);
+}
+
+TEST_CASE("work that grows like a power of 2, or ever faster, is taken from the levels that were drawn",
+          "[recipe][exact]") {
+  CHECK(std::abs(growth_of(levels_of(2.5, [](double k) { return std::exp2(1.4 * k); })) - 1.4) < 1e-9);
+  CHECK(growth_of(levels_of(4, [](double k) { return std::exp2(1.5 * k + 0.1 * k * k); })) > 1.7);
+}
+
+TEST_CASE("the digital's delta to 0.02 takes a twentieth of the steps of bumping, pilots included",
+          "[recipe][greeks][statistical]") {
+  const catalog::Problem& p = catalog::find("E16");
+  constexpr double bumping = 2.75e6;  // steps, at its best: bench/sensitivities_bench.cpp
+  constexpr int seeds = 5;
+  double work = 0;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    const Plan plan{.seed = seed, .threads = 1, .goal = {.error = 0.02}};
+    const Advice advice = advise(p.levels, plan, RecipeOptions{});
+    catalog::Choice choice;
+    choice.method =
+        advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
+    choice.pmf = advice.pmf;
+    choice.base_level = advice.base_level;
+    choice.block = advice.block;
+    choice.points = advice.points;
+    const Statistics s = p.run(choice, detail::plan_of(plan, advice));
+    CAPTURE(seed, s.work, s.pilot_work);
+    CHECK(std::abs(s.components.front().mean - p.truth) < 4.5 * s.components.front().standard_error);
+    work += s.work / seeds;
+  }
+  CHECK(work < bumping / 20);
+}
