@@ -11,7 +11,8 @@
 // steps, grows linearly, which beside a geometric decay counts as exponent 0. Fails where only the laws of
 // the two chains come together, not their paths. A state that is a Value and not finite makes the sample NaN.
 // Numbers: the step at time -j draws from a stream of its own, split(j). Of the point of a net its first number is coordinate
-// j - 1, the latest step's the first; a step's other numbers are plain.
+// j, that of the oldest step k coordinate 0: all of D_k is what this one leaves, and nets are best in their first coordinates.
+// A step's other numbers are plain.
 // Source: Glynn & Rhee, J. Appl. Probab. 51A (2014).
 
 #include <cmath>
@@ -68,11 +69,11 @@ class SteadyState {
   Draw<value_type> operator()(std::int64_t level, const Stream& rng) const {
     if (level == 0) return debias::base<value_type>(f_(start_));
     bool finite = true;
-    State fine = next(start_, level, rng, finite);
+    State fine = next(start_, level, 0, rng, finite);
     State coarse = start_;
     for (std::int64_t j = level - 1; j > 0; --j) {
-      fine = next(std::move(fine), j, rng, finite);
-      coarse = next(std::move(coarse), j, rng, finite);
+      fine = next(std::move(fine), j, j, rng, finite);
+      coarse = next(std::move(coarse), j, j, rng, finite);
     }
     return debias::coupled<value_type>(observed(fine, finite), f_(coarse), 2 * static_cast<double>(level) - 1);
   }
@@ -81,7 +82,7 @@ class SteadyState {
   Term<value_type> value_at(std::int64_t level, const Stream& rng) const {
     State x = start_;
     bool finite = true;
-    for (std::int64_t j = level; j > 0; --j) x = next(std::move(x), j, rng, finite);
+    for (std::int64_t j = level; j > 0; --j) x = next(std::move(x), j, j == level ? 0 : j, rng, finite);
     return {observed(x, finite), level > 0 ? static_cast<double>(level) : 1.0};
   }
 
@@ -90,9 +91,8 @@ class SteadyState {
  private:
   // A stream for every step, not one for the path: a step may use more random numbers here than there.
   // `finite` remembers a state that was not: a later step, or f, may hide it behind a comparison.
-  State next(State x, std::int64_t j, const Stream& rng, bool& finite) const {
-    const auto time = static_cast<std::uint64_t>(j);
-    Stream innovations = rng.split(time, time - 1);
+  State next(State x, std::int64_t j, std::int64_t coordinate, const Stream& rng, bool& finite) const {
+    Stream innovations = rng.split(static_cast<std::uint64_t>(j), static_cast<std::uint64_t>(coordinate));
     State moved = step_(std::move(x), innovations);
     if constexpr (Value<State>) {
       if (!debias::is_finite(moved)) [[unlikely]]

@@ -1,6 +1,6 @@
 """The pictures of README.md and bench/README.md: PYTHONPATH=build/release/python /usr/bin/python3 notebooks/pictures/draw.py
 
-With the output of `debias_bench --benchmark_filter=goals --benchmark_out=goals.json` as argument, `slope` alone.
+With the files that `sh bench/goals.sh build/release/debias_bench FOLDER` writes as arguments, `slope` alone.
 """
 
 import json
@@ -25,11 +25,12 @@ def save(name, figure):
     figure.savefig(here / f"{name}.png", dpi=90, metadata={"Software": None})
 
 
-def draw_slopes(path):
-    """Error against work of ten problems, each by four methods."""
+def draw_slopes(paths):
+    """Error against work of ten problems, each by four methods: 64 runs a point of the recipe's, 32 of the others'."""
     names = {"recipe": "recipe", "plain": "recipe without nets", "multilevel": "multilevel (biased)",
              "multilevel_nets": "multilevel with nets, by hand (biased)"}
-    runs = [r for r in json.loads(Path(path).read_text())["benchmarks"] if r["name"].startswith("goals/")]
+    rows = [r for path in paths for r in json.loads(Path(path).read_text())["benchmarks"]]
+    runs = [r for r in rows if r["name"].startswith("goals/")]
     problems = sorted({r["name"].split("/")[1] for r in runs})
     figure, axes = plt.subplots(2, -(-len(problems) // 2), figsize=(12, 5.6), layout="constrained", squeeze=False)
     for ax, problem in zip(axes.flat, problems):
@@ -51,7 +52,7 @@ def draw_slopes(path):
 
 
 if len(sys.argv) > 1:
-    draw_slopes(sys.argv[1])
+    draw_slopes(sys.argv[1:])
     sys.exit()
 
 figure, ax = plt.subplots(figsize=(6.5, 4.2), layout="constrained")

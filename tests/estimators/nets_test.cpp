@@ -194,6 +194,37 @@ TEST_CASE("a block of nets is the sum written out, and its wrong relatives are s
   CHECK(variance(Fault::instead) > 1.6 * independent);
 }
 
+TEST_CASE("runs of a fixed number of blocks are unbiased, and of as many as bring the error below a goal are not",
+          "[nets][statistical]") {
+  // Means and errors of blocks go together where blocks are skewed: a run that ends when its error is small ends low.
+  const ByHand block{Dyadic({2, 1}, 1.25), {2, 1}};
+  constexpr int runs = 4000;
+  constexpr std::int64_t fewest = 32;
+  const double goal = std::sqrt(block_variance(block, 4096) / (2 * fewest));
+  const auto z = [&](bool extended) {
+    double sum = 0;
+    double squares = 0;
+    for (std::uint64_t run = 0; run < runs; ++run) {
+      double mean = 0;
+      double spread = 0;  // of blocks about their mean
+      std::int64_t n = 0;
+      for (std::int64_t wanted = extended ? fewest : 2 * fewest; n < wanted;) {
+        Stream rng(1000 + run, static_cast<std::uint64_t>(n));
+        const double d = block(rng).value - mean;
+        mean += d / static_cast<double>(++n);
+        spread += d * d * static_cast<double>(n - 1) / static_cast<double>(n);
+        const double count = static_cast<double>(n);
+        if (extended && n == wanted && std::sqrt(spread / (count * (count - 1))) > goal) wanted += fewest / 4;
+      }
+      sum += (mean - 2) / runs;
+      squares += (mean - 2) * (mean - 2) / runs;
+    }
+    return sum / std::sqrt((squares - sum * sum) / runs);
+  };
+  CHECK(std::abs(z(false)) < 4.5);
+  CHECK(z(true) < -4.5);
+}
+
 TEST_CASE("the variance of a level of nets falls faster than its members, that of plain ones does not",
           "[nets][statistical]") {
   // Heads deep enough that the tail is nothing beside them.

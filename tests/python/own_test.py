@@ -115,6 +115,39 @@ class Levels(Quiet):
         debias.survey(pairs, levels=4, samples=400)
         self.assertEqual(sorted(asked), sorted(set(asked)))
 
+    def test_brownian_increments(self):
+        def law_holds(m, steps):  # increment j is the sum of z_i m[i, j]: independent, of variance h
+            return np.allclose(m.T @ m, np.eye(steps) * 2 / steps, atol=1e-12)
+
+        for steps in (1, 2, 3, 8, 12, 512, 768):
+            m = debias.brownian_increments(np.eye(steps), 2)
+            self.assertTrue(law_holds(m, steps))
+            np.testing.assert_allclose(m.sum(axis=1), np.sqrt(2) * (np.arange(steps) == 0), atol=1e-12)  # number 0 is the end
+            m[0] *= 1.01
+            self.assertFalse(law_holds(m, steps))
+
+        def call(level, z):
+            def end(dw, h):
+                x = np.full(len(dw), 100.0)
+                for w in dw.T:
+                    x = x + 0.05 * x * h + 0.2 * x * w + 0.02 * x * (w * w - h)
+                return np.maximum(x - 100, 0) * np.exp(-0.05)
+
+            dw, h = debias.brownian_increments(z), 1 / z.shape[1]
+            return end(dw, h) if level == 0 else (end(dw, h), end(dw[:, ::2] + dw[:, 1::2], 2 * h))
+
+        # The points of the catalogue's call, but for the one draw of the tail, which is far down.
+        own = debias.levels(call, dimension=lambda k: 2**k, rates=(2, 1), normals=True)
+        options = {"pmf": "dyadic:6,4,3,2,2,1,1,1,1,1;theta=1.25", "points": "nets", "block": 107, "samples": 107 * 40, "seed": 3,
+                   "estimator": "single_term_outcome"}
+        mine, theirs = debias.estimate(own, **options), debias.estimate("E02", **options)
+        self.assertLess(abs(mine.mean - theirs.mean), theirs.standard_error / 20)
+        in_time = debias.levels(lambda k, z: call(k, z[:, ::-1]), dimension=lambda k: 2**k, rates=(2, 1), normals=True)
+        wrong = debias.estimate(in_time, **options)  # the end by the last number
+        self.assertGreater(abs(wrong.mean - theirs.mean), theirs.standard_error / 20)
+        self.raises(ValueError, "normals of shape .*at least one step", debias.brownian_increments, np.zeros((3, 0)))
+        self.raises(ValueError, "horizon = 0", debias.brownian_increments, np.zeros((3, 2)), 0)
+
     def test_a_generator_for_each_draw(self):
         def gamma(level, rng):
             x = rng.gamma(2.0, size=2**level)

@@ -26,7 +26,7 @@ from ._errors import DebiasWarning, Error, GoalMissedWarning, InfiniteVarianceWa
 from ._kept import extend, merge
 from ._means import function_of_integral, function_of_mean, nested, reciprocal
 from ._numbers import diagnose
-from ._own import levels, normal_quantile
+from ._own import brownian_increments, levels, normal_quantile
 from ._problem import Problem
 from ._reports import Diagnosis, Interval, Report, Result, Samples
 from ._types import Array, Facts  # noqa: F401  likewise
@@ -40,8 +40,8 @@ stream_version: int = _debias.stream_version
 
 __all__ = [
     "DebiasWarning", "Diagnosis", "Error", "GoalMissedWarning", "InfiniteVarianceWarning", "Interval", "NoPmfError",
-    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "chains", "diagnose", "estimate", "estimators",
-    "extend", "finite_difference", "function_of_integral", "function_of_mean", "gradient", "levels", "log_determinant",
+    "NonFiniteWarning", "Problem", "Report", "Result", "Samples", "advise", "brownian_increments", "chains", "diagnose", "estimate",
+    "estimators", "extend", "finite_difference", "function_of_integral", "function_of_mean", "gradient", "levels", "log_determinant",
     "log_determinant_spd", "merge", "nested", "neumann", "normal_quantile", "path_series", "pmfs", "problems", "reciprocal",
     "reciprocal_trials", "replay", "samples", "series", "solve", "stream_version", "survey", "taylor", "tradeoff",
     "transmittance",
