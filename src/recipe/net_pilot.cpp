@@ -12,7 +12,6 @@ namespace debias {
 namespace {
 
 constexpr int fewest_octaves = 3;           // of a net that tells how a variance falls
-constexpr int enough_octaves = 6;           // of one of a deeper level: shorter ones see no fall that they go on with
 constexpr std::int64_t fewest_levels = 3;   // a base and two differences
 constexpr std::int64_t most_levels = 16;    // that are measured
 constexpr double most_rarer = 4;            // the kurtosis of a level beyond over that above it
@@ -126,16 +125,14 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
     const auto each = runs_.work(level, plan_);
     return level == base_level ? each.first : each.second;
   };
-  // As many levels as get a net each of its least size. The first ones may be short, so that a short run has nets at all; a deeper
-  // one that cannot be long goes on like the last that is, at the posterior's size.
+  // As many levels as get a net each of its least size.
   std::int64_t count = 0;
   double most = 0;
   while (base_level + count <= deepest) {
     // A level that the pilot's draws did not reach may be one that the sequence refuses.
     if (count >= fewest_levels && base_level + count > survey.rows.back().level) break;
     const double next = std::max(most, work_of(base_level + count));
-    const int octaves = count < fewest_levels ? fewest_octaves : enough_octaves;
-    if (work / static_cast<double>(count + 1) < static_cast<double>(nets << octaves) * next) break;
+    if (work / static_cast<double>(count + 1) < static_cast<double>(nets << fewest_octaves) * next) break;
     most = next;
     ++count;
   }
