@@ -31,7 +31,7 @@ struct Runs {
   int reliable_and_missed = 0;
   double squares = 0;  // of true errors over goals
   std::vector<double> pilot_shares = {};
-  std::vector<double> long_shares = {};  // of runs that take 1e5 draws of the lowest level or more
+  std::vector<double> long_shares = {};  // of runs that take 1e6 draws of the lowest level or more
   std::string names = {};                // of what did not go well
 
   [[nodiscard]] double error_over_goal() const { return std::sqrt(squares / (runs - refused)); }
@@ -85,7 +85,7 @@ void add_run(Runs& r, const catalog::Problem& p, double wish, std::uint64_t seed
     }
     r.squares += error * error;
     r.pilot_shares.push_back(s.pilot_work / s.work);
-    if (s.work - s.pilot_work >= 1e5 * a.survey.rows.front().value_work) r.long_shares.push_back(r.pilot_shares.back());
+    if (s.work - s.pilot_work >= 1e6 * a.survey.rows.front().value_work) r.long_shares.push_back(r.pilot_shares.back());
   } catch (const std::invalid_argument& e) {  // no PMF, none that can be drawn, or a price that nobody pays
     ++r.refused;
     name(e.what());
