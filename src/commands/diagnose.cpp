@@ -251,6 +251,10 @@ void print(std::ostream& out, const Diagnosis& d, bool full) {
   for (const Warning& warning : d.warnings) print_line(out, "warning", warning.text);
 }
 
+Interval interval_at(double confidence, double mean, double error, double degrees) {
+  return interval_with(mean, error, degrees, confidence);
+}
+
 void judge(Diagnosis& d) {
   if (d.nonfinite == 0 && d.moments.count == 1) {
     d.warnings.push_back({WarningCode::one_sample, "one value has no standard error."});

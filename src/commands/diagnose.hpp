@@ -55,6 +55,9 @@ struct Diagnosis {
   std::vector<Warning> warnings;
 };
 
+/// The interval of a diagnosis at another level, from its mean, interval_error and interval_degrees.
+Interval interval_at(double confidence, double mean, double error, double degrees);
+
 /// Everything that is remembered of the values, in blocks.
 class Sums {
  public:

@@ -11,8 +11,6 @@
 #include <string>
 #include <utility>
 
-#include <debias/statistics/dependent.hpp>
-
 #include "binding.hpp"
 #include "commands/diagnose.hpp"
 
@@ -80,7 +78,7 @@ class Diagnostician {
 void bind_numbers(py::module_& m) {
   m.def("interval", [](double mean, double error, double degrees, const py::dict& confidence) {
     return translated([&] {
-      const Interval found = interval_with(mean, error, degrees, Options(confidence).share("confidence"));
+      const Interval found = commands::interval_at(Options(confidence).share("confidence"), mean, error, degrees);
       return std::pair(found.low, found.high);
     });
   });
