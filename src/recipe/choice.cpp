@@ -249,7 +249,14 @@ class Choice {
       std::fill(t.base_variance.begin(), t.base_variance.end(), t.base_variance.front());
       if (!t.base_left.empty()) t.base_left.assign(t.base_left.size(), t.base_left.front());
     }
-    return [this, &all, form, best = best_masses(t)](double exponent) {
+    std::vector<double> best = best_masses(t);
+    // Levels beyond the drawn ones that may grow, for all that is known, are no reason for a work without end.
+    for (std::size_t j = 1; j < best.size(); ++j) {
+      if (form.first_level() + static_cast<std::int64_t>(j) > survey_.rows.back().level) {
+        best[j] = std::min(best[j], best[j - 1]);
+      }
+    }
+    return [this, &all, form, best = std::move(best)](double exponent) {
       return fair_or_fastest(all, best, exponent, form);
     };
   }

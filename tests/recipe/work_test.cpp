@@ -71,3 +71,29 @@ TEST_CASE("the digital's delta to 0.02 takes a twentieth of the steps of bumping
   }
   CHECK(work < bumping / 20);
 }
+
+TEST_CASE("levels that nobody has seen are drawn no more often than the last that was", "[recipe][exact]") {
+  // Slopes at a barrier (E D_k^2 ~ 2^(-k / 2), rare): a run of 1e5 had 1e5 steps a member, most of them at such levels.
+  const auto never_more = [](const LevelRuns& levels) {
+    for (const std::int64_t samples : {30'000, 100'000}) {
+      const Advice a = advise(levels, {.samples = samples, .seed = 1, .threads = 1}, RecipeOptions{});
+      const std::int64_t first = a.base_level + (a.base == Base::every_sample ? 1 : 0);
+      for (std::int64_t k = a.survey.rows.back().level + 1; k < a.survey.rows.back().level + 8; ++k) {
+        CAPTURE(samples, k, a.pmf.spec());
+        CHECK(a.pmf.mass(k - first) <= 1.001 * a.pmf.mass(k - 1 - first));
+      }
+      CHECK(a.predicted.work < 3000);
+    }
+  };
+  never_more(catalog::find("E20").levels);
+  const auto rare = [](double chance, double size) {
+    return level_runs([=](std::int64_t level, Stream& rng) {
+      const auto k = static_cast<double>(level);
+      const double u = rng.uniform();
+      if (level == 0) return base(u);
+      return Draw<double>{u, u < std::exp2(-chance * k) ? std::exp2(size * k) : 0, std::exp2(k)};
+    });
+  };
+  never_more(rare(1.5, 0.5));
+  never_more(rare(1.2, 0.3));
+}
