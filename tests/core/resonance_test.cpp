@@ -72,7 +72,7 @@ bool recipe_is_silently_wrong(const F& f, std::uint64_t seed, std::int64_t sampl
 }  // namespace
 
 TEST_CASE("a merged run keeps what its parts found and what that took", "[core][resonance][exact]") {
-  const auto e = single_term(transmitted(Wave{.periods = 64}));
+  const auto e = single_term(transmitted(Wave{.periods = 1024}));
   const auto part = [&](std::int64_t first, std::int64_t samples) {
     return estimate(e, {.samples = samples, .seed = 3, .first = first, .threads = 1});
   };
@@ -82,7 +82,8 @@ TEST_CASE("a merged run keeps what its parts found and what that took", "[core][
   const auto merged = merge(b, a);
   CHECK(merged.pilot_work == a.pilot_work + b.pilot_work);
   CHECK(merged.work == a.work + b.work);
-  CHECK(is_warned(merged.warnings) == (is_warned(a.warnings) || is_warned(b.warnings)));
+  CHECK(is_warned(b.warnings));
+  CHECK(is_warned(merged.warnings));
 }
 
 TEST_CASE("an integrand in step with the comb is warned of: 1024 periods under exp", "[resonance]") {
