@@ -21,6 +21,7 @@
 #include <debias/recipe/model.hpp>
 
 #include "catalog.hpp"
+#include "catalog/run_by.hpp"
 
 using namespace debias;
 using namespace debias::trial;
@@ -73,13 +74,6 @@ struct Basel {
 
 double z_of(const Statistics& s, double truth) {
   return (s.components[0].mean - truth) / s.components[0].standard_error;
-}
-
-/// The run of a problem of the catalogue that follows an advice on that plan.
-Statistics run_by(const Advice& advice, const catalog::Problem& p, const Plan& plan) {
-  const catalog::Method method =
-      advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-  return p.run({method, advice.pmf, advice.base_level, "", advice.block, advice.points}, detail::plan_of(plan, advice));
 }
 
 /// Variance x work of one member, as the run has measured them.
@@ -331,7 +325,7 @@ void check_bound(const char* id) {
   const catalog::Problem& p = catalog::find(id);
   const Plan plan{.samples = 1 << 20, .seed = 1};
   const Advice advice = advise(p.levels, plan, {.base_level = p.lowest_base});
-  const Statistics s = run_by(advice, p, plan);
+  const Statistics s = testing::run_by(advice, p, plan);
   // The bound, from a pilot of its own.
   const Survey survey = survey_within(p.levels, s.work - s.pilot_work, {.seed = 9});
   const double bound = bound_of(survey, model_of(survey), advice.base_level);
@@ -359,7 +353,7 @@ TEST_CASE("a goal that is met by what was drawn says what it is with levels not 
   int said = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const Plan plan{.seed = seed, .goal = {.relative_error = 0.01}};
-    const Statistics r = run_by(advise(p.levels, plan, {.lowest_base = p.lowest_base}), p, plan);
+    const Statistics r = testing::run_by(advise(p.levels, plan, {.lowest_base = p.lowest_base}), p, plan);
     std::ostringstream text;
     text << r;
     const double all = std::hypot(r.goal_error(), std::sqrt(r.verdict().unseen_variance)) / r.norm();
@@ -378,7 +372,7 @@ TEST_CASE("intervals of derivatives and exact combs that a goal was asked for ar
     int covered = 0;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
       const Plan plan{.seed = seed, .goal = {.error = 0.0016}};
-      const Statistics s = run_by(advise(p.levels, plan), p, plan);
+      const Statistics s = testing::run_by(advise(p.levels, plan), p, plan);
       const Interval interval = s.interval();
       reliable += s.verdict().interval_reliable() ? 1 : 0;
       covered += interval.low <= p.truth && p.truth <= interval.high ? 1 : 0;
@@ -399,7 +393,7 @@ TEST_CASE("a recipe is unbiased on every problem of the catalogue for which it f
     CHECK((advice.survey.pmf_exists != Answer::no || !pmf_exists(p.rates)));
     if (!advice.usable()) continue;
     ++runs;
-    const Statistics s = run_by(advice, p, plan);
+    const Statistics s = testing::run_by(advice, p, plan);
     const double error = std::max({s.total_error(), s.bias_bound.size, 1e-13 * std::abs(p.truth)});
     CHECK(std::abs(s.components[0].mean - p.truth) < 5.8 * error);
   }
@@ -454,7 +448,7 @@ TEST_CASE(
     const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
     if (!advice.usable()) continue;
     ++usable;
-    const Statistics s = run_by(advice, p, plan);
+    const Statistics s = testing::run_by(advice, p, plan);
     const double predicted = advice.predicted.product();
     const double rounding = 1e-25 * s.components[0].mean * s.components[0].mean * advice.predicted.work;
     // The PMF of the waiting time, of too short a pilot, has infinite variance.
@@ -505,7 +499,7 @@ TEST_CASE("no goal ends a recipe with a handful of samples", "[recipe][stat]") {
     for (std::uint64_t seed = 1; seed <= 12; ++seed) {
       const Plan plan{.seed = seed, .goal = {.error = error}};
       const Advice advice = advise(p.levels, plan, {.lowest_base = p.lowest_base});
-      const Statistics s = run_by(advice, p, plan);
+      const Statistics s = testing::run_by(advice, p, plan);
       CAPTURE(id, error, seed, s.samples, s.components[0].mean - p.truth, s.components[0].standard_error);
       CHECK(s.blocks >= 64);
       CHECK(std::abs(s.components[0].mean - p.truth) < 4.5 * error);
@@ -527,7 +521,7 @@ TEST_CASE("options by recipe without nets take at most 0.1 (European) and 0.35 o
     for (std::uint64_t seed = 1; seed <= 16; ++seed) {
       const Plan plan{.seed = seed, .goal = {.error = error}};
       const Advice advice = advise(p.levels, plan, {.points = Points::plain});
-      const Statistics s = run_by(advice, p, plan);
+      const Statistics s = testing::run_by(advice, p, plan);
       const double reached = s.total_error() / error;
       // A goal aims at 95 % of it; 128 blocks in its pilot, of kurtosis 10, know a standard error to 13 %.
       CHECK(reached < 0.95 * (1 + 3 * 0.13));

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "catalog/run_by.hpp"
 #include "catch_shim.hpp"
 
 #include <debias/functions.hpp>
@@ -25,14 +26,7 @@ Statistics by_recipe(const catalog::Problem& p, const Plan& plan, std::optional<
   options.points = points;
   const Advice advice = advise(p.levels, plan, options);
   REQUIRE(advice.usable());
-  catalog::Choice choice;
-  choice.method =
-      advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-  choice.pmf = advice.pmf;
-  choice.base_level = advice.base_level;
-  choice.block = advice.block;
-  choice.points = advice.points;
-  Statistics s = p.run(choice, detail::plan_of(plan, advice));
+  Statistics s = testing::run_by(advice, p, plan);
   detail::follow(s, advice, plan.goal);
   return s;
 }

@@ -18,6 +18,7 @@
 #include <debias/recipe.hpp>
 
 #include "catalog/make.hpp"
+#include "catalog/run_by.hpp"
 
 using namespace debias;
 
@@ -178,13 +179,7 @@ Answer ask(Door door, const catalog::Problem& p, std::int64_t base_level, const 
   if (door == Door::recipe) {
     const Advice advice = advise(p.levels, plan, RecipeOptions{});
     if (!advice.usable()) return {0, true};
-    choice.method =
-        advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-    choice.pmf = advice.pmf;
-    choice.base_level = advice.base_level;
-    choice.block = advice.block;
-    choice.points = advice.points;
-    Statistics s = p.run(choice, detail::plan_of(plan, advice));
+    Statistics s = testing::run_by(advice, p, plan);
     detail::follow(s, advice, {});
     return answer_of(s.components.front(), s.components.front().standard_error, s.warnings, p.truth);
   }

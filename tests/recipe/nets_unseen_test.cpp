@@ -50,6 +50,27 @@ void check(const char* name, const auto& sequence, double truth, double error) {
   CHECK(s.covered > 0.85);
 }
 
+/// f of the integral of g(t, W_t), g(0, 0) = 0, over [0, 1], by trapezoids of `steps` 2^level steps.
+template <class G, class F>
+auto integral_along(std::int64_t steps, const G& g, const F& f) {
+  return [=](std::int64_t level, Stream& rng) {
+    const std::int64_t n = steps << level;
+    const double h = 1.0 / static_cast<double>(n);
+    BrownianPath path(rng, n);
+    double w = 0;
+    double fine = 0;
+    double coarse = 0;
+    for (std::int64_t i = 1; i <= n; ++i) {
+      w += path.next();
+      const double x = (i == n ? 0.5 : 1) * g(static_cast<double>(i) * h, w);
+      fine += x * h;
+      if (i % 2 == 0) coarse += x * 2 * h;
+    }
+    const double work = static_cast<double>(n);
+    return level == 0 ? base(f(fine), work) : coupled(f(fine), f(coarse), work);
+  };
+}
+
 double normal_probability(double x) { return std::erfc(-x / std::numbers::sqrt2) / 2; }
 
 }  // namespace
@@ -126,23 +147,8 @@ TEST_CASE("goals are met on average where differences are rare", "[nets][unseen]
 
 TEST_CASE("goals are met on average by a functional of a whole path", "[nets][unseen][recipe][stat]") {
   // E exp(-int_0^1 W^2 dt / 2) = 1 / sqrt(cosh 1) [Cameron & Martin 1945], by trapezoids.
-  const auto by_trapezoids = [](std::int64_t level, Stream& rng) {
-    const std::int64_t n = std::int64_t{2} << level;
-    const double h = 1.0 / static_cast<double>(n);
-    BrownianPath path(rng, n);
-    double w = 0;
-    double fine = 0;
-    double coarse = 0;
-    for (std::int64_t i = 1; i <= n; ++i) {
-      w += path.next();
-      const double weight = i == n ? 0.5 : 1;
-      fine += weight * w * w * h;
-      if (i % 2 == 0) coarse += weight * w * w * 2 * h;
-    }
-    const auto f = [](double integral) { return std::exp(-integral / 2); };
-    const double work = static_cast<double>(n);
-    return level == 0 ? base(f(fine), work) : coupled(f(fine), f(coarse), work);
-  };
+  const auto by_trapezoids = integral_along(
+      2, [](double, double w) { return w * w; }, [](double integral) { return std::exp(-integral / 2); });
   const double truth = 1 / std::sqrt(std::cosh(1.0));
   check("exponential functional", by_trapezoids, truth, 0.002);
   check("exponential functional", by_trapezoids, truth, 0.0005);
@@ -219,23 +225,9 @@ TEST_CASE("goals are met on average by a geometric average that no rule was tune
   const double d = (m / 2 - std::log(1.1)) / deviation + deviation;
   const double forward = std::exp(m / 2 + deviation * deviation / 2);
   const double truth = 100 * (forward * normal_probability(d) - 1.1 * normal_probability(d - deviation));
-  const auto call = [=](std::int64_t level, Stream& rng) {
-    const std::int64_t n = std::int64_t{1} << level;
-    const double h = 1.0 / static_cast<double>(n);
-    BrownianPath path(rng, n);
-    double w = 0;
-    double fine = 0;
-    double coarse = 0;
-    for (std::int64_t i = 1; i <= n; ++i) {
-      w += path.next();
-      const double x = (i == n ? 0.5 : 1) * (m * static_cast<double>(i) * h + s * w);
-      fine += x * h;
-      if (i % 2 == 0) coarse += x * 2 * h;
-    }
-    const auto f = [](double log_average) { return 100 * std::max(std::exp(log_average) - 1.1, 0.0); };
-    const double work = static_cast<double>(n);
-    return level == 0 ? base(f(fine), work) : coupled(f(fine), f(coarse), work);
-  };
+  const auto call = integral_along(
+      1, [=](double t, double w) { return m * t + s * w; },
+      [](double log_average) { return 100 * std::max(std::exp(log_average) - 1.1, 0.0); });
   check("geometric average", call, truth, 0.02);
   check("geometric average", call, truth, 0.004);
 }

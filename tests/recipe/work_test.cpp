@@ -8,7 +8,7 @@
 #include <debias/core/stream.hpp>
 #include <debias/recipe.hpp>
 
-#include "catalog/make.hpp"
+#include "catalog/run_by.hpp"
 
 using namespace debias;
 
@@ -57,14 +57,7 @@ TEST_CASE("the digital's delta to 0.02 takes a twentieth of the steps of bumping
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
     const Plan plan{.seed = seed, .threads = 1, .goal = {.error = 0.02}};
     const Advice advice = advise(p.levels, plan, RecipeOptions{});
-    catalog::Choice choice;
-    choice.method =
-        advice.base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome;
-    choice.pmf = advice.pmf;
-    choice.base_level = advice.base_level;
-    choice.block = advice.block;
-    choice.points = advice.points;
-    const Statistics s = p.run(choice, detail::plan_of(plan, advice));
+    const Statistics s = testing::run_by(advice, p, plan);
     CAPTURE(seed, s.work, s.pilot_work);
     CHECK(std::abs(s.components.front().mean - p.truth) < 4.5 * s.components.front().standard_error);
     work += s.work / seeds;

@@ -10,7 +10,7 @@
 
 #include <debias/core/stream.hpp>
 
-namespace debias::test {
+namespace debias::testing {
 
 using Parameters = std::array<double, 4>;
 
@@ -43,4 +43,4 @@ void check_difference_quotients(const LevelsAt& levels_at, const Parameters& at,
   }
 }
 
-}  // namespace debias::test
+}  // namespace debias::testing

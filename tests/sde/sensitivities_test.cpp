@@ -116,10 +116,10 @@ TEST_CASE("payoffs have their expectation over a normal law, with its slopes", "
 
 TEST_CASE("the slopes of a path are its difference quotients, in every parameter", "[sde][exact]") {
   const auto check = [](auto scheme, const auto& payoff) {
-    const auto levels_at = [&](const test::Parameters& p) {
+    const auto levels_at = [&](const testing::Parameters& p) {
       return sensitivities(scheme, market, payoff, p[0], p[1], p[2], p[3]);
     };
-    test::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-6);
+    testing::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-6);
   };
   check(Tree{}, call);
   check(Tree{}, digital);

@@ -139,10 +139,10 @@ TEST_CASE(
 TEST_CASE("the slopes of an average, an extreme and a barrier are their difference quotients, in every parameter",
           "[sde][exact]") {
   const auto check = [](auto scheme, const auto& summary, const auto& payoff) {
-    const auto levels_at = [&](const test::Parameters& p) {
+    const auto levels_at = [&](const testing::Parameters& p) {
       return sensitivities(scheme, market, summary, discounted(payoff), Rates{2, 1}, p[0], p[1], p[2], p[3]);
     };
-    test::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-5);
+    testing::check_difference_quotients(levels_at, {100, 0.2, 0.05, 1}, 1e-5);
   };
   check(MilsteinStep{}, Minimum{}, [](const auto& p) { return p.terminal - p.minimum; });
   check(MilsteinStep{}, Maximum{}, [](const auto& p) { return positive_part(p.maximum - 105); });
