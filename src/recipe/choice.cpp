@@ -93,14 +93,16 @@ class Choice {
         if (options_.base && *options_.base != base) continue;
         const SingleTermForm form{m, base, advice_.block};
         const TermMoments moments = moments_of(form, shared_share);
+        // A variance that was measured in n draws is not better than another one by its noise.
+        const double enough = worthwhile - 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
+        // The best masses take most of the time of an advice.
+        if (found_drawable && !(least_product(moments) < enough * best)) continue;
         const AnyPmf pmf = pmf_of(form, moments);
         const bool is_drawable = drawable(pmf, form);
         if (found_drawable && !is_drawable) continue;
         found = found && is_drawable == found_drawable;  // the first one that can be drawn beats all that cannot
         const double product = price_of(moments, pmf);
-        // A variance that was measured in n draws is not better than another one by its noise.
-        const double noise = 2 * std::sqrt(2 / static_cast<double>(row(m).draws));
-        if (found && !(product < (worthwhile - noise) * best)) continue;
+        if (found && !(product < enough * best)) continue;
         found = true;
         found_drawable = is_drawable;
         best = product;

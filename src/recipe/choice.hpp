@@ -42,4 +42,7 @@ double highest_moment_of(const Survey& survey, double exponent);
 [[noreturn]] void refuse_cost(const Advice& advice, double members);
 inline constexpr double most_affordable = 0x1p46;  ///< members of a goal
 
+/// No masses have a smaller product of variance and work; 0 where a negative part leaves no bound.
+double least_product(const TermMoments& moments);
+
 }  // namespace debias

@@ -3,11 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
+
+#include <boost/math/tools/toms748_solve.hpp>
 
 #include "core/text.hpp"
+#include "recipe/choice.hpp"
 
 namespace debias {
 namespace {
@@ -16,7 +21,10 @@ constexpr double half_octave = 1.4142135623730951;
 constexpr double least_left = 1e-9;  // of a variance: a level without any is still drawn
 constexpr double tolerance = 1e-9;   // of the price
 constexpr double block_tolerance =
-    1e-4;  // the same in blocks, where each price takes longer and the product is as flat
+    1e-4;                               // the same in blocks, where each price takes longer and the product is as flat
+constexpr double settled = 1e-7;        // masses that move no more
+constexpr double log_step = 2;          // of the price, where its bracket is sought
+constexpr double most_log_price = 667;  // 10^290
 
 [[noreturn]] void refuse(const std::string& function, const std::string& problem) {
   throw std::invalid_argument(function + ": " + problem);
@@ -34,44 +42,88 @@ void check_positive(const std::string& function, const char* what, std::size_t k
                        " (must be positive and finite); take an upper bound where none was seen");
 }
 
-// What is left of a variance where `members` run together; it falls like a power between entries, and beyond them like
-// over the last ones.
-double left_at(const std::vector<std::vector<double>>& shares, std::size_t k, double members) {
-  if (shares.empty() || shares[k].empty() || !(members > 1)) return 1;
-  const std::vector<double>& share = shares[k];
-  const std::size_t last = share.size() - 1;
-  const double octave = std::log2(members);
-  const auto i = std::min(static_cast<std::size_t>(octave), last);
-  const double beyond = octave - static_cast<double>(i);
-  if (share[i] == 0) return 0;
-  if (i < last) return share[i] * std::pow(share[i + 1] / share[i], beyond);
-  const std::size_t before = last > 2 ? last - 2 : 0;
-  return last == 0 ? share[0]
-                   : share[last] * std::pow(share[last] / share[before], beyond / static_cast<double>(last - before));
-}
+// What is left of a variance where members run together; it falls like a power between entries, and beyond them like over
+// the last ones. In logarithms, since a search asks for thousands of them.
+class Left {
+ public:
+  explicit Left(const std::vector<double>& shares) {
+    for (const double share : shares) log2_.push_back(std::log2(share));
+  }
+  /// Of so many members.
+  [[nodiscard]] double at(double members) const {
+    if (log2_.empty() || !(members > 1)) return 1;
+    const double octave = std::log2(members);
+    const std::size_t last = log2_.size() - 1;
+    const auto i = std::min(static_cast<std::size_t>(octave), last);
+    const double beyond = octave - static_cast<double>(i);
+    if (!(beyond > 0) || std::isinf(log2_[i])) return std::exp2(log2_[i]);
+    const std::size_t from = i < last || last == 0 ? i : last > 2 ? last - 2 : 0;
+    const std::size_t to = std::min(i + 1, last);
+    const double slope = to > from ? (log2_[to] - log2_[from]) / static_cast<double>(to - from) : 0;
+    return std::exp2(log2_[i] + slope * beyond);
+  }
 
-double members_at(const TermMoments& m, double p) { return static_cast<double>(m.block) * p; }
+ private:
+  std::vector<double> log2_;
+};
 
-double base_variance(const TermMoments& m, std::size_t k, double p) {
-  return m.base_variance.empty() ? 0 : m.base_variance[k] * left_at(m.base_left, k, members_at(m, p));
-}
+// The moments of each level as they act at a mass.
+class Levels {
+ public:
+  explicit Levels(const TermMoments& m) : m_(m) {
+    const std::size_t n = m.work.size();
+    for (std::size_t k = 0; k < n; ++k) {
+      variance_left_.emplace_back(m.variance_left.empty() ? std::vector<double>{} : m.variance_left[k]);
+      base_left_.emplace_back(m.base_left.empty() ? std::vector<double>{} : m.base_left[k]);
+    }
+  }
 
-// a_k as it acts at mass p.
-double square_at(const TermMoments& m, std::size_t k, double p) {
-  if (m.block <= 1) return m.variance[k] + m.mean_square[k];
-  const double n = members_at(m, p);
-  return m.variance[k] * std::max(least_left, left_at(m.variance_left, k, n)) +
-         m.mean_square[k] * std::min(1.0, 1 / (4 * n));
-}
+  [[nodiscard]] double base_variance(std::size_t k, double p) const {
+    return m_.base_variance.empty() ? 0 : m_.base_variance[k] * base_left_[k].at(members_at(p));
+  }
 
-// (1 + e) a_k where a_k falls like p^-e: what counts for the best p, where a_k / p + price p is least.
-double square_of_best(const TermMoments& m, std::size_t k, double p) {
-  const double a = square_at(m, k, p);
-  if (m.block <= 1) return a;
-  const double after = square_at(m, k, p * half_octave);
-  if (!(after > 1e-290)) return a;  // digits are lost there
-  return a * (1 + std::log2(square_at(m, k, p / half_octave) / after));
-}
+  // a_k
+  [[nodiscard]] double square(std::size_t k, double p) const { return square_of(k, members_at(p)); }
+
+  // (1 + e) a_k where a_k falls like p^-e: what counts for the best p, where a_k / p + price p is least.
+  [[nodiscard]] double square_of_best(std::size_t k, double p) const {
+    const double n = members_at(p);
+    const double a = square_of(k, n);
+    if (m_.block <= 1) return a;
+    const double after = square_of(k, n * half_octave);
+    if (!(after > 1e-290)) return a;  // digits are lost there
+    return a * (1 + std::log2(square_of(k, n / half_octave) / after));
+  }
+
+  [[nodiscard]] VarianceAndWork predict(std::span<const double> masses) const {
+    VarianceAndWork result{m_.fixed_variance, m_.fixed_work};
+    for (std::size_t k = 0; k < masses.size(); ++k) {
+      const double p = masses[k];
+      result.variance += base_variance(k, p) * p + square(k, p) / p;
+      if (!m_.covariance.empty()) {
+        const double n = members_at(p);
+        result.variance += 2 * m_.covariance[k] * std::sqrt(base_left_[k].at(n) * variance_left_[k].at(n));
+      }
+      result.work += m_.work[k] * p;
+    }
+    // Deterministic terms can cancel the squared limit exactly: what is left then is rounding.
+    const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(m_.fixed_variance);
+    if (std::abs(result.variance) <= rounding) result.variance = 0;
+    return result;
+  }
+
+ private:
+  [[nodiscard]] double members_at(double p) const { return static_cast<double>(m_.block) * p; }
+  [[nodiscard]] double square_of(std::size_t k, double members) const {
+    if (m_.block <= 1) return m_.variance[k] + m_.mean_square[k];
+    return m_.variance[k] * std::max(least_left, variance_left_[k].at(members)) +
+           m_.mean_square[k] * std::min(1.0, 1 / (4 * members));
+  }
+
+  const TermMoments& m_;
+  std::vector<Left> variance_left_;
+  std::vector<Left> base_left_;
+};
 
 // The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).
 std::vector<double> best_at_price(const std::vector<double>& a, const std::vector<double>& price) {
@@ -102,27 +154,44 @@ std::vector<double> best_at_price(const std::vector<double>& a, const std::vecto
   return p;
 }
 
+// The same moments of values that are near 1: those of tiny ones would lose their digits.
+TermMoments in_own_unit(TermMoments m) {
+  double largest = 0;
+  for (const std::vector<double>* squares : {&m.variance, &m.mean_square}) {
+    for (const double x : *squares) largest = std::isfinite(x) ? std::max(largest, x) : largest;
+  }
+  const int octaves = largest > 0 ? -std::ilogb(largest) : 0;
+  for (std::vector<double>* squares : {&m.variance, &m.mean_square, &m.base_variance, &m.covariance}) {
+    for (double& x : *squares) x = std::ldexp(x, octaves);
+  }
+  m.fixed_variance = std::ldexp(m.fixed_variance, octaves);
+  return m;
+}
+
 }  // namespace
 
 VarianceAndWork predict(const TermMoments& m, std::span<const double> masses) {
   check_size("predict", m.variance.size(), masses.size());
-  VarianceAndWork result{m.fixed_variance, m.fixed_work};
-  for (std::size_t k = 0; k < masses.size(); ++k) {
-    const double p = masses[k];
-    result.variance += base_variance(m, k, p) * p + square_at(m, k, p) / p;
-    if (!m.covariance.empty()) {
-      const double n = members_at(m, p);
-      result.variance += 2 * m.covariance[k] * std::sqrt(left_at(m.base_left, k, n) * left_at(m.variance_left, k, n));
-    }
-    result.work += m.work[k] * p;
-  }
-  // Deterministic terms can cancel the squared limit exactly: what is left then is rounding.
-  const double rounding = 64 * std::numeric_limits<double>::epsilon() * std::abs(m.fixed_variance);
-  if (std::abs(result.variance) <= rounding) result.variance = 0;
-  return result;
+  return Levels(m).predict(masses);
 }
 
-std::vector<double> best_masses(const TermMoments& m) {
+double least_product(const TermMoments& m) {
+  // Cauchy and Schwarz; a level alone has all members, and then its least variance.
+  const Levels levels(m);
+  double base = m.base_variance.empty() ? 0 : std::numeric_limits<double>::infinity();
+  double root = 0;
+  for (std::size_t k = 0; k < m.work.size(); ++k) {
+    if (!m.base_variance.empty()) base = std::min(base, levels.base_variance(k, 1));
+    root += std::sqrt(levels.square(k, 1) * m.work[k]);
+  }
+  const double fixed = m.fixed_variance + base;
+  if (!(fixed >= 0) || !m.covariance.empty()) return 0;
+  root += std::sqrt(fixed * m.fixed_work);
+  return root * root;
+}
+
+std::vector<double> best_masses(const TermMoments& moments) {
+  const TermMoments m = in_own_unit(moments);
   const std::size_t n = m.work.size();
   check_size("best_masses", m.variance.size(), n);
   check_size("best_masses", m.mean_square.size(), n);
@@ -135,32 +204,58 @@ std::vector<double> best_masses(const TermMoments& m) {
   }
   // At a price s of work, the problem is convex. The product is least where s is the variance for a unit of work
   // at the p that belongs to s; variance / work grows with s, but more slowly.
+  const Levels levels(m);
   std::vector<double> p(n, 1 / static_cast<double>(n));
   std::vector<double> price(n);
   const auto solve_at = [&](double s) {
-    for (int i = 0; i < (m.block > 1 ? 6 : 1); ++i) {  // strata: a depends on p, and falls up to twice as fast
+    double moved = 1;
+    for (int i = 0; i < (m.block > 1 ? 6 : 1) && moved > settled;
+         ++i) {  // strata: a depends on p, falls up to twice as fast
       double sum = 0;
       for (std::size_t k = 0; k < n; ++k) {
-        a[k] = square_of_best(m, k, p[k]);
-        price[k] = base_variance(m, k, p[k]) + s * m.work[k];
+        a[k] = levels.square_of_best(k, p[k]);
+        price[k] = levels.base_variance(k, p[k]) + s * m.work[k];
       }
-      const std::vector<double> next = best_at_price(a, price);
-      for (std::size_t k = 0; k < n; ++k) sum += p[k] = m.block > 1 ? std::sqrt(p[k] * next[k]) : next[k];
-      for (double& x : p) x /= sum;
+      std::vector<double> next = best_at_price(a, price);
+      for (std::size_t k = 0; k < n; ++k) sum += next[k] = m.block > 1 ? std::sqrt(p[k] * next[k]) : next[k];
+      moved = 0;
+      for (std::size_t k = 0; k < n; ++k) {
+        next[k] /= sum;
+        moved = std::max(moved, std::abs(next[k] / p[k] - 1));
+      }
+      p = std::move(next);
     }
-    const VarianceAndWork now = predict(m, p);
+    const VarianceAndWork now = levels.predict(p);
     return now.variance / now.work;
   };
-  const double start = std::max(solve_at(1), std::numeric_limits<double>::min());
-  double low = start;
-  double high = start;
-  for (int i = 0; i < 100 && solve_at(low) < low && low > 1e-290; ++i) low /= 8;
-  for (int i = 0; i < 100 && solve_at(high) > high && high < 1e290; ++i) high *= 8;
-  while (high > low * (1 + (m.block > 1 ? block_tolerance : tolerance))) {
-    const double middle = std::sqrt(low) * std::sqrt(high);
-    if (!(middle > low && middle < high)) break;
-    (solve_at(middle) > middle ? low : high) = middle;
+  // ln of both sides: the difference falls, and its root is bracketed before it is sought.
+  const auto excess = [&](double log_price) {
+    const double found = solve_at(std::exp(log_price));
+    return found > 0 ? std::log(found) - log_price : -most_log_price;
+  };
+  const VarianceAndWork even =
+      levels.predict(p);  // has the units of the problem, so that none has a part in what is found
+  const double start = std::log(std::max(even.variance / even.work, std::numeric_limits<double>::min()));
+  const double at_start = excess(start);
+  const double step = at_start > 0 ? log_step : -log_step;
+  double here = start;
+  double at_here = at_start;
+  double before = here;
+  double at_before = at_here;
+  while (at_here != 0 && (at_here > 0) == (at_start > 0) && std::abs(here) < most_log_price) {
+    before = here;
+    at_before = at_here;
+    here += step;
+    at_here = excess(here);
   }
+  if ((at_here > 0) == (at_before > 0)) return p;  // no variance at any price
+  const double close = m.block > 1 ? block_tolerance : tolerance;
+  std::uintmax_t most_steps = 100;
+  const auto is_close = [close](double x, double y) { return std::abs(x - y) <= close; };
+  const auto [low, high] =
+      step > 0 ? boost::math::tools::toms748_solve(excess, before, here, at_before, at_here, is_close, most_steps)
+               : boost::math::tools::toms748_solve(excess, here, before, at_here, at_before, is_close, most_steps);
+  solve_at(std::exp((low + high) / 2));
   return p;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "catch_shim.hpp"
+#include "recipe/choice.hpp"
 
 #include <debias/core/stream.hpp>
 #include <debias/recipe/optimal_pmf.hpp>
@@ -150,6 +151,33 @@ TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata
   // Power: equal masses are not optimal.
   TermMoments m = random_moments(rng, 4);
   CHECK_FALSE(is_local_optimum(m, {0.25, 0.25, 0.25, 0.25}));
+}
+
+TEST_CASE("the best masses know no unit, and nothing is below their bound", "[recipe][optimal_pmf][exact]") {
+  Stream rng(20261130, 0);
+  for (int i = 0; i < 200; ++i) {
+    TermMoments m = random_moments(rng, 3 + static_cast<std::size_t>(i % 30));
+    m.fixed_work = any_size(rng);
+    m.fixed_variance = any_size(rng);
+    if (i % 3 == 1) m.base_variance.assign(m.work.size(), any_size(rng));
+    if (i % 2 == 1) {
+      m.block = 64;
+      m.variance_left.assign(m.work.size(), {1, 0.4, 0.2, 0.1});
+    }
+    const std::vector<double> p = best_masses(m);
+    CAPTURE(i);
+    CHECK(predict(m, p).product() >= least_product(m) * (1 - 1e-12));
+    CHECK(least_product(m) > 0);
+    TermMoments tiny = m;
+    for (std::vector<double>* squares : {&tiny.variance, &tiny.mean_square, &tiny.base_variance}) {
+      for (double& x : *squares) x *= 0x1p-900;
+    }
+    tiny.fixed_variance *= 0x1p-900;
+    CHECK(best_masses(tiny) == p);
+  }
+  TermMoments m = random_moments(rng, 4);
+  m.fixed_variance = -1e9;
+  CHECK(least_product(m) == 0);
 }
 
 TEST_CASE("where the members of a level run together no other masses are better by three percent",
