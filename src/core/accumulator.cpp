@@ -24,6 +24,23 @@ double lane_sum(std::span<const double> values, const Term& term) {
   return total(s);
 }
 
+// Third and fourth powers of deviations far from 1 are zeros or infinite: m3 and m4 are sums in a unit 2^octaves, that of the
+// deviations, where these are not within 2^-240 ... 2^240. It is a function of m2, so that nobody has to keep it.
+int octaves_of(double m2, std::int64_t count) {
+  if (!(m2 > 0) || !std::isfinite(m2)) return 0;
+  const int octaves = std::ilogb(m2 / static_cast<double>(count));
+  return std::abs(octaves) <= 480 ? 0 : octaves / 2;
+}
+
+Moments in_unit(Moments m, int octaves) {
+  const int change = octaves_of(m.m2, m.count) - octaves;
+  m.mean = std::ldexp(m.mean, -octaves);
+  m.m2 = std::ldexp(m.m2, -2 * octaves);
+  m.m3 = std::ldexp(m.m3, 3 * change);
+  m.m4 = std::ldexp(m.m4, 4 * change);
+  return m;
+}
+
 }  // namespace
 
 Moments Moments::of(std::span<const double> values) {
@@ -40,10 +57,36 @@ Moments Moments::of(std::span<const double> values) {
   m.count = static_cast<std::int64_t>(values.size());
   m.mean = mean;
   m.m2 = lane_sum(values, square);
+  if (const int octaves = octaves_of(m.m2, m.count); octaves != 0) {
+    const auto deviation = [&](double x) { return std::ldexp(x - mean, -octaves); };
+    m.m3 = lane_sum(values, [&](double x) { return std::pow(deviation(x), 3); });
+    m.m4 = lane_sum(values, [&](double x) { return std::pow(deviation(x), 4); });
+    return m;
+  }
   m.m3 = lane_sum(values, [&](double x) { return square(x) * (x - mean); });
   m.m4 = lane_sum(values, [&](double x) { return square(x) * square(x); });
   return m;
 }
+
+namespace {
+
+// Pebay 2008, (2.1) to (2.4)
+void merge_sums(Moments& a, const Moments& b) {
+  const auto na = static_cast<double>(a.count);
+  const auto nb = static_cast<double>(b.count);
+  const double n = na + nb;
+  const double delta = b.mean - a.mean;
+  const double d = delta / n;
+  const double d2 = d * d;
+  a.m4 += b.m4 + delta * d * d2 * na * nb * (na * na - na * nb + nb * nb) + 6 * d2 * (na * na * b.m2 + nb * nb * a.m2) +
+          4 * d * (na * b.m3 - nb * a.m3);
+  a.m3 += b.m3 + delta * d2 * na * nb * (na - nb) + 3 * d * (na * b.m2 - nb * a.m2);
+  a.m2 += b.m2 + delta * d * na * nb;
+  a.mean += d * nb;
+  a.count += b.count;
+}
+
+}  // namespace
 
 void Moments::merge(const Moments& b) {
   if (b.count == 0) return;
@@ -51,18 +94,16 @@ void Moments::merge(const Moments& b) {
     *this = b;
     return;
   }
-  const auto na = static_cast<double>(count);
-  const auto nb = static_cast<double>(b.count);
-  const double n = na + nb;
-  const double delta = b.mean - mean;
-  const double d = delta / n;  // Pebay 2008, (2.1) to (2.4)
-  const double d2 = d * d;
-  m4 += b.m4 + delta * d * d2 * na * nb * (na * na - na * nb + nb * nb) + 6 * d2 * (na * na * b.m2 + nb * nb * m2) +
-        4 * d * (na * b.m3 - nb * m3);
-  m3 += b.m3 + delta * d2 * na * nb * (na - nb) + 3 * d * (na * b.m2 - nb * m2);
-  m2 += b.m2 + delta * d * na * nb;
-  mean += d * nb;
-  count += b.count;
+  Moments sum = *this;
+  merge_sums(sum, b);
+  const int octaves = octaves_of(sum.m2, sum.count);
+  if (octaves != 0 || octaves_of(m2, count) != 0 || octaves_of(b.m2, b.count) != 0) {
+    Moments powers = in_unit(*this, octaves);
+    merge_sums(powers, in_unit(b, octaves));
+    sum.m3 = powers.m3;
+    sum.m4 = powers.m4;
+  }
+  *this = sum;
 }
 
 double Moments::variance() const {
@@ -72,12 +113,12 @@ double Moments::variance() const {
 double Moments::standard_error() const { return std::sqrt(variance() / static_cast<double>(count)); }
 
 double Moments::skewness() const {
-  const double v = m2 / static_cast<double>(count);
+  const double v = std::ldexp(m2 / static_cast<double>(count), -2 * octaves_of(m2, count));
   return m2 > 0 ? m3 / static_cast<double>(count) / (v * std::sqrt(v)) : 0;
 }
 
 double Moments::kurtosis() const {
-  const double v = m2 / static_cast<double>(count);
+  const double v = std::ldexp(m2 / static_cast<double>(count), -2 * octaves_of(m2, count));
   return m2 > 0 ? m4 / static_cast<double>(count) / (v * v) : 0;
 }
 

@@ -54,6 +54,22 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   return facts;
 }
 
+// Values are 2^exponent in size: the levels are judged in that unit, since squares of squares of tiny values are zeros.
+int exponent_of_values(const std::vector<LevelFacts>& facts) {
+  double size = 0;
+  for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
+  return size > 0 ? std::ilogb(size) / 2 : 0;
+}
+
+void scale(std::vector<LevelFacts>& facts, int exponent) {
+  for (LevelFacts& f : facts) {
+    f.mean = std::ldexp(f.mean, exponent);
+    for (double* square : {&f.second_moment, &f.value_variance, &f.value_square}) {
+      *square = std::ldexp(*square, 2 * exponent);
+    }
+  }
+}
+
 // The masses of the rows, where nobody has told the others.
 Masses masses_of(const std::vector<LevelRow>& rows) {
   Masses m;
@@ -120,8 +136,11 @@ LevelsSay levels_say(const Statistics& s) {
   std::erase_if(facts, [&](const LevelFacts& f) {
     return !f.is_base && (f.level < masses.first_level || f.level >= masses.first_level + std::ssize(masses.mass));
   });
-  const std::vector<LevelFacts> run = facts;
+  std::vector<LevelFacts> run = facts;
   if (!s.pilot_levels.empty()) facts = together(s.pilot_levels, facts);
+  const int exponent = exponent_of_values(facts);
+  scale(facts, -exponent);
+  scale(run, -exponent);
   const Evidence e = weigh(std::move(facts), s.sequence, true);
   say.reasons = e.reasons;
   say.changes = e.changes || e.missing_moments || e.end != End::none;
@@ -140,6 +159,10 @@ LevelsSay levels_say(const Statistics& s) {
       say.counted += static_cast<double>(f.draws) * part_in_variance(f.second_moment, f.mean, p, say.doubt.mu) /
                      (p * members * members);
     }
+    for (double* variance : {&say.doubt.unseen, &say.doubt.undrawn, &say.doubt.seen, &say.counted}) {
+      *variance = std::ldexp(*variance, 2 * exponent);
+    }
+    say.doubt.mu = std::ldexp(say.doubt.mu, exponent);
   }
   if (!l.available) return say;
   if (e.end != End::none) {

@@ -28,8 +28,10 @@ std::vector<double> believed_squares(const Survey& s, const std::vector<Believed
   std::vector<double> a(levels);
   a[0] = s.rows.front().variance + s.rows.front().mean * s.rows.front().mean;
   double floor = 1e-30;
+  const double most =
+      std::clamp(std::log2(scale) + 600, 600.0, 1000.0);  // what levels may grow to, for all that is known
   for (std::size_t k = 1; k < levels; ++k) {
-    a[k] = std::exp2(std::clamp(upper(e, all[k]), -1020.0, 600.0));
+    a[k] = std::exp2(std::clamp(upper(e, all[k]), -1020.0, most));
     // Zeros get a floor, and so a mass; a trend does without: a steep one would find more in the floor than in itself.
     const bool has_trend = !e.courses.empty() && static_cast<std::int64_t>(k) >= e.first_usable;
     constexpr double least = std::numeric_limits<double>::min();

@@ -51,13 +51,13 @@ std::vector<Tail> tails_of(const std::vector<NetLevel>& levels, double theta) {
   return tails;
 }
 
-// E (D / p)^4 of a draw of the tail from a level on, as far as one in so many blocks sees it.
-double fourth_of_tail(const std::vector<NetLevel>& levels, std::size_t first, double theta) {
+// E (D / p)^4 of a draw of the tail from a level on, as far as one in so many blocks sees it, over the square of a variance.
+double fourth_of_tail(const std::vector<NetLevel>& levels, std::size_t first, double theta, double variance) {
   const double q = std::exp2(-theta);
   double fourth = 0;
   double mass = 1 - q;
   for (std::size_t k = first; k < levels.size() && mass >= seen_in_blocks; ++k, mass *= q) {
-    fourth += levels[k].kurtosis * std::pow(levels[k].second_moment, 2) / std::pow(mass, 3);
+    fourth += levels[k].kurtosis * std::pow(levels[k].second_moment / variance, 2) / std::pow(mass, 3);
   }
   return fourth;
 }
@@ -89,15 +89,18 @@ std::vector<NetBlock> net_blocks(const std::vector<NetLevel>& levels, double the
   for (;;) {
     const Tail& tail = tails[head.size()];
     NetBlock block{head, tail.variance, tail.work};
-    double fourth = fourth_of_tail(levels, head.size(), theta);
     for (std::size_t k = 0; k < head.size(); ++k) {
-      const double n = std::exp2(head[k]);
-      const double variance = levels[k].variance_of(head[k]);
-      block.variance += variance;
-      block.work += n * levels[k].work;
-      fourth += variance * variance * levels[k].kurtosis / n;
+      block.variance += levels[k].variance_of(head[k]);
+      block.work += std::exp2(head[k]) * levels[k].work;
     }
-    block.kurtosis = 3 + (block.variance > 0 ? fourth / (block.variance * block.variance) : 0);
+    block.kurtosis = 3;
+    if (block.variance > 0) {
+      block.kurtosis += fourth_of_tail(levels, head.size(), theta, block.variance);
+      for (std::size_t k = 0; k < head.size(); ++k) {
+        const double share = levels[k].variance_of(head[k]) / block.variance;
+        block.kurtosis += share * share * levels[k].kurtosis / std::exp2(head[k]);
+      }
+    }
     blocks.push_back(block);
     if (enough(block)) return blocks;
     // One level more, or more points of one.

@@ -203,7 +203,7 @@ std::vector<Believed> believed(const Evidence& e, std::int64_t last) {
     }
     if (std::isfinite(here.log2_second)) continue;
     if (fact == nullptr && before != nullptr && e.courses.empty() && e.end == End::none) {
-      here = {std::max(at(k - 1).log2_second, -900.0) - fall, 2};
+      here = {std::max(at(k - 1).log2_second, std::log2(before->second_moment) - 900) - fall, 2};  // not of a zero
     }
   }
   return b;

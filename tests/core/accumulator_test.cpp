@@ -119,6 +119,27 @@ TEST_CASE("equal values have their own value as mean and a variance of exactly 0
   }
 }
 
+TEST_CASE("the shape of tiny and of huge values is that of the same ones near 1", "[core][accumulator][exact]") {
+  const std::vector<double> near = data(3000, uniform);
+  const Moments expected = in_blocks(near);
+  for (const double unit : {0x1p-500, 0x1p-300, 0x1p-199, 0x1p-100, 0x1p199, 0x1p300, 0x1p500}) {
+    std::vector<double> x = near;
+    for (double& v : x) v *= unit;
+    CAPTURE(unit);
+    const Moments m = in_blocks(x);
+    CHECK(m.kurtosis() == Approx(expected.kurtosis()).epsilon(1e-12));
+    CHECK(m.skewness() == Approx(expected.skewness()).epsilon(1e-12).margin(1e-14));
+    // With some that are near 1: these have all the weight, or none.
+    Moments mixed = m;
+    mixed.merge(Moments::of(near));
+    Moments other = Moments::of(near);
+    other.merge(m);
+    CHECK(mixed.kurtosis() == Approx(other.kurtosis()).epsilon(1e-9));
+    CHECK(mixed.kurtosis() > 1);
+    CHECK(std::isfinite(mixed.kurtosis()));
+  }
+}
+
 TEST_CASE("a variance beyond the range of a double is infinite, never zero", "[core][accumulator][exact]") {
   const std::vector<double> x = {1e300, -1e300, 3e300, 2e300, 0, 1e300};
   const Moments m = Moments::of(x);
