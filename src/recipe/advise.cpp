@@ -34,7 +34,8 @@ constexpr double final_share = 1.0 / 8;        // of that, at most, for drawing 
 constexpr double worthwhile_share = 0.75;      // of the work of plain numbers: less may be the noise of the pilot
 constexpr double first_nets_draws = 1 << 13;   // of the lowest level, in work
 constexpr double first_nets_share = 1.0 / 20;  // at most, of the run of plain numbers: so much they may cost in vain
-constexpr double short_pilot_draws = 2e4;      // of both kinds, in work of the lowest level
+constexpr double short_pilot_draws = 2e4;      // of both kinds, in work of the lowest level,
+constexpr double short_pilot_share = 1.0 / 4;  // or this part of the run, if that is less
 constexpr double net_pilot_share = 1.0 / 10;   // of both kinds, of a longer run
 constexpr double level_share = 1.0 / 3;        // of that for the levels alone
 constexpr double net_growth = 4;
@@ -326,7 +327,8 @@ void Adviser::measure_more_nets() {
 }
 
 double Adviser::most_pilots() const {
-  const double most = std::max(short_pilot_draws * unit_, net_pilot_share * found_->run_work);
+  const double of_short = std::min(short_pilot_draws * unit_, short_pilot_share * found_->run_work);
+  const double most = std::max(of_short, net_pilot_share * found_->run_work);
   return std::min(most, options_.budget.value_or(most));
 }
 
