@@ -21,7 +21,7 @@ def pooled(reports):
                 for r in reports
                 for family in [{f["family"]: f for f in r["families"]}]
                 for run in r["runs"]
-                if run.get("width") and not family[run["family"]]["beyond"] and (run["grade"] == "open") == is_open
+                if run.get("width") and family[run["family"]]["within"] and (run["grade"] == "open") == is_open
             ]
             yield name, f"{statistics.median(widths):.2f}", len(widths), gate["demand"], gates
             continue

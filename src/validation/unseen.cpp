@@ -255,9 +255,10 @@ std::vector<Gate> gates_of(const UnseenReport& report) {
   at_least("no, margin -1/2 or less, features reached",
            number([&](const auto& r, const auto& f) { return bad(r, f) && r.opinion.answer == Said::no; }), number(bad),
            0.6);
+  // Power, too: where the last feature lies near the last level reached, or beyond it, no interval can be narrow and honest.
   const auto width = [&](std::string name, bool open, double most) {
     const Chosen chosen = [&](const UnseenRun& r, const UnseenFamily& f) {
-      return fair(f) && is(r, Certainty::open) == open;
+      return f.labels.within() && is(r, Certainty::open) == open;
     };
     const double median = median_width(report, chosen);
     gates.push_back({std::move(name), median, "at most " + format("%.2f", most),
