@@ -322,9 +322,10 @@ class Conclusion {
 
     Points fourth;
     Points mean;
+    const double unit = rows[fitted.front()].second_moment;  // whose square may be no number
     for (const std::size_t i : fitted) {
       const SurveyRow& row = rows[i];
-      fourth.add(abscissa(row, decay), row.kurtosis * row.second_moment * row.second_moment,
+      fourth.add(abscissa(row, decay), row.kurtosis * std::pow(row.second_moment / unit, 2),
                  relative_error_in_octaves(std::pow(row.kurtosis, 2.25), row.draws), i);
       const double share = row.difference_error / std::abs(row.difference);
       if (share < 1.0 / 3) mean.add(abscissa(row, decay), std::abs(row.difference), share / std::log(2.0), i);

@@ -10,8 +10,10 @@
 #include <debias/core/verdict.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/estimators/stratified.hpp>
+#include <debias/multilevel.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/recipe.hpp>
+#include <debias/survey.hpp>
 
 using namespace debias;
 
@@ -100,5 +102,23 @@ TEST_CASE("a goal in any unit asks for as many samples", "[goal][exact]") {
   for (const double unit : units) {
     CAPTURE(unit);
     CHECK(run(unit).samples == one.samples);
+  }
+}
+
+TEST_CASE("survey and multilevel in any unit find the same rates and take the same draws",
+          "[survey][multilevel][exact]") {
+  const Survey one = survey(Rare{}, 10, {.samples = 4096, .seed = 9});
+  const MultilevelStatistics all = multilevel(Rare{}, 0.02, {.seed = 9});
+  for (const double unit : units) {
+    CAPTURE(unit);
+    const Survey s = survey(Rare{unit}, 10, {.samples = 4096, .seed = 9});
+    CHECK(s.pmf_exists == one.pmf_exists);
+    CHECK(s.grade == one.grade);
+    CHECK(s.rates.variance_decay.value == Approx(one.rates.variance_decay.value).epsilon(1e-9));
+    CHECK(s.rates.fourth_decay.value == Approx(one.rates.fourth_decay.value).epsilon(1e-9));
+    CHECK(s.rates.mean_decay.value == Approx(one.rates.mean_decay.value).epsilon(1e-9));
+    const MultilevelStatistics m = multilevel(Rare{unit}, 0.02 * unit, {.seed = 9});
+    CHECK(m.work == Approx(all.work));
+    CHECK(m.error() / unit == Approx(all.error()).epsilon(1e-6));
   }
 }
