@@ -24,6 +24,7 @@ constexpr double draws_per_kurtosis_of_base = 10;
 // whose largest has less than that of xi = 0.2 does not decide about the variance, whatever the shape of its
 // values.
 constexpr double irrelevant_share = -0.6;
+constexpr double degrees_of_infinite = 2;  // of Student's law: the last one without a variance of its own
 // Of tails.
 constexpr double tail_z = 1.5;
 constexpr double deep_index = 0.4;   // of the quarter of the tail, for `infinite`
@@ -414,6 +415,7 @@ RunVerdict judge(const Statistics& s) {
   t.say = with_meeting(t.say, v.meeting);
   v.largest.assign(s.largest.begin(), s.largest.begin() + std::min<std::ptrdiff_t>(3, std::ssize(s.largest)));
   combine(v, t.say, say, has_levels, heavy_base(s.levels));
+  if (v.variance == Finiteness::infinite) v.degrees = std::min(v.degrees, degrees_of_infinite);
   return v;
 }
 
