@@ -41,6 +41,6 @@ cannot_install() {
 }
 
 build() {
-  cmake -S "$root" -B "$build_dir" -G Ninja
+  cmake -S "$root" -B "$build_dir" -G Ninja -DDEBIAS_UNITY=ON
   cmake --build "$build_dir" --parallel "$jobs" --target "$@"
 }

@@ -6,8 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include <boost/math/distributions/students_t.hpp>
-
+#include "core/student.hpp"
 #include "core/text.hpp"
 #include "core/words.hpp"
 
@@ -173,8 +172,8 @@ Interval interval_of(const Moments& moments, double confidence) {
     throw std::invalid_argument("interval: " + std::to_string(moments.count) +
                                 " values (must be at least 2); of batches 20 to 100 are usual");
   }
-  const boost::math::students_t law(static_cast<double>(moments.count - 1));
-  const double half_width = -boost::math::quantile(law, (1 - confidence) / 2) * moments.standard_error();
+  const double quantile = -student_quantile(static_cast<double>(moments.count - 1), (1 - confidence) / 2);
+  const double half_width = quantile * moments.standard_error();
   return {moments.mean - half_width, moments.mean + half_width, confidence};
 }
 

@@ -163,8 +163,8 @@ piece() {
     kills) last_line "$python" tests/kill.py $program 300 40 ;;
     kills-ranks) last_line "$python" tests/kill.py $program 300 40 1 3 ;;
     mutants)
-      builds release debias_tests > /dev/null || return $?
-      last_line "$python" tests/mutants.py build/release --minutes 50 && code=0 || code=$?
+      builds mutants debias_tests > /dev/null || return $?
+      last_line "$python" tests/mutants.py build/mutants --minutes 50 && code=0 || code=$?
       case $(cat "$work/said") in *" 0 not run"*) return $code ;; *) return $unfinished ;; esac ;;
     reliability)
       within $hour $program validate --report --samples 1e6 -o "$work/reliability.md" > "$work/said" 2>&1 && code=0 || code=$?
@@ -239,7 +239,7 @@ write_page() {
 
 case ${1-} in
   --list) [ $# -eq 1 ] && pieces ;;
-  --clean) for p in dev clang assertions asan tsan msan coverage fuzz all; do rm -rf "build/$p"; done ;;
+  --clean) for p in dev clang assertions asan tsan msan coverage fuzz mutants all; do rm -rf "build/$p"; done ;;
   --status)
     write_page
     left=0

@@ -17,7 +17,7 @@ may_include() {
     pmf/any | pmf/dyadic) echo 'core/.*|pmf/.*' ;;
     pmf/*) echo 'core/.*' ;;
     estimators/*) echo 'core/.*|pmf/geometric|estimators/common' ;;
-    function_of_mean | function_of_mean/*) echo "$no_runner|function_of_mean/.*" ;;
+    function_of_mean | function_of_mean/*) echo "$no_runner|core/student|function_of_mean/.*" ;;
     taylor | taylor/*) echo "$no_runner|taylor/(terms|sum)" ;;
     functions | functions/*) echo "$no_runner|functions/.*" ;;
     derivative | derivative/*) echo "$no_runner|derivative/.*" ;;

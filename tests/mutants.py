@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Mutants: one-line faults of tests/mutants.txt, each of which some test must see. A fault is put into a copy of the tree
 under BUILD/mutants, never into the tree itself; of a source its object alone is compiled and linked before the library, of a
-header the test files that are named for it (and the sources under `also`). Needs a finished build folder: targets
-debias_tests and what it links.
+header the test files that are named for it (and the sources under `also`). Needs a finished build folder that compiles each
+file alone (not DEBIAS_UNITY): cmake --preset mutants && cmake --build --preset mutants
 
-    python3 tests/mutants.py [BUILD]              all faults whose outcome is not known yet (default: build/release)
+    python3 tests/mutants.py [BUILD]              all faults whose outcome is not known yet (default: build/mutants)
     python3 tests/mutants.py [BUILD] --only NAME  those whose name begins so, again; may be given several times
     python3 tests/mutants.py --status             the outcomes so far; fails unless all are killed, or survive with a reason
     python3 tests/mutants.py --check              the list alone: each line stands exactly once, each test exists (a second)
@@ -102,7 +102,7 @@ class Build:
         self.work = self.folder / "mutants"
         self.tree, self.objects = self.work / "tree", self.work / "objects"
         if not (self.folder / "debias_tests").is_file():
-            raise Broken(f"{folder} is no finished build folder: ninja -C {folder} debias_tests")
+            raise Broken(f"{folder} is no finished build folder: cmake --preset mutants && cmake --build --preset mutants")
         text = subprocess.run(["ninja", "-C", str(self.folder), "-t", "compdb"], capture_output=True, text=True, check=True).stdout
         self.compile, link = {}, None
         for c in json.loads(text):
@@ -125,7 +125,7 @@ class Build:
 
     def object_of(self, source):
         if source not in self.compile:
-            raise Broken(f"the build does not compile {source}")
+            raise Broken(f"the build does not compile {source} (alone: no build with DEBIAS_UNITY does)")
         return self.compile[source][1]
 
     def compiled(self, source):
@@ -222,7 +222,7 @@ def summary(mutants, outcomes):
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("build", nargs="?", default=str(root / "build/release"))
+    arguments.add_argument("build", nargs="?", default=str(root / "build/mutants"))
     arguments.add_argument("--list", default=str(root / "tests/mutants.txt"), type=pathlib.Path)
     arguments.add_argument("--only", action="append", default=[])
     arguments.add_argument("--minutes", type=float, default=float("inf"))

@@ -9,11 +9,6 @@
 #include "make.hpp"
 
 namespace debias::catalog {
-namespace {
-
-double square(double x) { return x * x; }
-
-}  // namespace
 
 Problem autoregression() {
   const auto step = [](double x, Stream& rng) { return 0.5 * x + rng.normal(); };
@@ -22,7 +17,7 @@ Problem autoregression() {
                .module = "steady_state.hpp",
                .truth = 1.333333333333333333333,
                .formula = "E X^2, X <- X/2 + N(0, 1): 4/3"},
-              steady_state(step, 0.0, square, contraction(0.5)));
+              steady_state(step, 0.0, squared, contraction(0.5)));
 }
 
 Problem waiting_time() {
@@ -47,7 +42,7 @@ Problem bernoulli_convolution() {
                .module = "steady_state.hpp",
                .truth = 0.3333333333333333333333,
                .formula = "E X^2, X <- (X + B)/2, B = 0 or 1: 1/3 (the uniform law)"},
-              steady_state(step, 0.0, square, contraction(0.5)));
+              steady_state(step, 0.0, squared, contraction(0.5)));
 }
 
 Problem cantor_law() {
@@ -57,7 +52,7 @@ Problem cantor_law() {
                .module = "steady_state.hpp",
                .truth = 0.375,
                .formula = "E X^2, X <- (X + 2B)/3, B = 0 or 1: 3/8 (the Cantor law)"},
-              steady_state(step, 0.0, square, contraction(1.0 / 3)));
+              steady_state(step, 0.0, squared, contraction(1.0 / 3)));
 }
 
 Problem dickman_law() {
@@ -67,7 +62,7 @@ Problem dickman_law() {
                .module = "steady_state.hpp",
                .truth = 1.5,
                .formula = "E X^2, X <- U (1 + X): 3/2 (the Dickman law)"},
-              steady_state(step, 0.0, square, contraction(1 / std::sqrt(3.0))));
+              steady_state(step, 0.0, squared, contraction(1 / std::sqrt(3.0))));
 }
 
 }  // namespace debias::catalog

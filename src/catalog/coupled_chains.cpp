@@ -19,8 +19,6 @@
 namespace debias::catalog {
 namespace {
 
-double square(double x) { return x * x; }
-
 // I_j = f(X_(k + j L)), its coarse partner f(Y_(k + (j - 1) L)) of a chain that runs L steps behind; equal once they have met.
 // Work: steps of both chains, 1 at least.
 template <class K, class Start, class F>
@@ -109,7 +107,7 @@ Problem chain_square() {
                  .module = "chains.hpp",
                  .truth = 1,
                  .formula = "E X^2 of N(0, 1) by a coupled random walk: 1"},
-                random_walk(normal_density, 2.4), wide_start, square, {.burn_in = 20, .length = 200, .lag = 20},
+                random_walk(normal_density, 2.4), wide_start, squared, {.burn_in = 20, .length = 200, .lag = 20},
                 {.burn_in = 2, .length = 2, .lag = 4}, Rates{2, 0});
 }
 
@@ -186,7 +184,7 @@ Problem chain_ising() {
 Problem exp_of_chain() {
   // Means of signed estimates have no exponential moment at any level (chains/draws.hpp); products of them have a mean.
   const auto chain =
-      coupled_chain(random_walk(normal_density, 2.4), wide_start, square, {.burn_in = 20, .length = 80, .lag = 20});
+      coupled_chain(random_walk(normal_density, 2.4), wide_start, squared, {.burn_in = 20, .length = 80, .lag = 20});
   const auto terms = taylor(draws_of(chain), functions::ExpMinus{}, 1.0);
   Problem p = make({.id = "K05",
                     .name = "exp-of-chain",

@@ -17,6 +17,8 @@
 
 namespace debias::catalog {
 
+inline double squared(double x) { return x * x; }
+
 /// What a problem is called and what is known of it.
 struct Facts {
   std::string id = {};

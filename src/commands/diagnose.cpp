@@ -15,7 +15,7 @@
 namespace debias::commands {
 namespace {
 
-std::string figure(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
+std::string figure_or_dash(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
 
 // Neighbours that resemble each other make the means of blocks scatter more than single values say.
 void judge_blocks(Diagnosis& d) {
@@ -142,7 +142,7 @@ void print_values(std::ostream& out, const Diagnosis& d, bool full) {
                rounded(d.robust.value, 8) + " (median of " + std::to_string(d.robust.groups) +
                    " means: BIASED for skewed values, never to be averaged)");
   }
-  print_line(out, "kurtosis", figure(m.kurtosis(), 4));
+  print_line(out, "kurtosis", figure_or_dash(m.kurtosis(), 4));
   print_line(out, "upper tail", tail_words(v.upper));
   print_line(out, "lower tail", tail_words(v.lower));
   const char* name = "largest";
@@ -157,8 +157,8 @@ void print_values(std::ostream& out, const Diagnosis& d, bool full) {
   std::vector<Row> rows;
   for (const RunningMean& mean : d.running) {
     if (mean.count < 16 && mean.count < m.count) continue;
-    rows.push_back(
-        {std::string(12, ' '), std::to_string(mean.count), rounded(mean.mean, 8), figure(mean.standard_error, 3)});
+    rows.push_back({std::string(12, ' '), std::to_string(mean.count), rounded(mean.mean, 8),
+                    figure_or_dash(mean.standard_error, 3)});
   }
   print_table(out, rows);
   name = "verdict";

@@ -29,7 +29,7 @@ Row row(const catalog::Problem& p) {
           rounded(p.truth, 10),
           p.formula};
 }
-Fields describe(const catalog::Problem& p) {
+Fields entry_of(const catalog::Problem& p) {
   const bool faster = std::isinf(p.rates.variance_decay);
   return {{"id", p.id},
           {"name", p.name},
@@ -46,11 +46,11 @@ Fields describe(const catalog::Problem& p) {
 
 Row header(const EstimatorEntry&) { return {"name", "what one sample is"}; }
 Row row(const EstimatorEntry& e) { return {e.name, e.description}; }
-Fields describe(const EstimatorEntry& e) { return {{"name", e.name}, {"description", e.description}}; }
+Fields entry_of(const EstimatorEntry& e) { return {{"name", e.name}, {"description", e.description}}; }
 
 Row header(const AnyPmf::Form&) { return {"name", "write", "mass of j = 0, 1, 2, ..."}; }
 Row row(const AnyPmf::Form& f) { return {std::string(f.name), std::string(f.example), std::string(f.formula)}; }
-Fields describe(const AnyPmf::Form& f) { return {{"name", f.name}, {"example", f.example}, {"formula", f.formula}}; }
+Fields entry_of(const AnyPmf::Form& f) { return {{"name", f.name}, {"example", f.example}, {"formula", f.formula}}; }
 
 }  // namespace
 
@@ -79,7 +79,7 @@ void print(std::ostream& out, const ListReport& report) {
 
 List fields(const ListReport& report) {
   return std::visit(
-      [](const auto& entries) { return list_of(entries, [](const auto& entry) { return describe(entry); }); },
+      [](const auto& entries) { return list_of(entries, [](const auto& entry) { return entry_of(entry); }); },
       report.entries);
 }
 

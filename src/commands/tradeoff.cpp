@@ -24,7 +24,7 @@ constexpr double least_pilot = 1 << 17;
 
 constexpr std::array<std::string_view, 3> family_names = {"geometric", "zeta", "poisson"};
 
-AnyPmf pmf_of(Family family, double parameter) {
+AnyPmf member_of(Family family, double parameter) {
   if (family == Family::geometric) return AnyPmf(Geometric::with_exponent(parameter));
   return family == Family::zeta ? AnyPmf(Zeta(parameter)) : AnyPmf(Poisson(parameter));
 }
@@ -75,7 +75,7 @@ std::string regions(const TradeoffPoint& p) {
   return text;
 }
 
-std::string figure(bool known, double x) { return known ? rounded(x) : "-"; }
+std::string figure_if(bool known, double x) { return known ? rounded(x) : "-"; }
 
 }  // namespace
 
@@ -127,7 +127,7 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
       const double share = count > 1 ? static_cast<double>(i) / static_cast<double>(count - 1) : 0.5;
       // Four digits: the PMF that is printed is the PMF that was run.
       const double parameter = parse_double(rounded(low + share * (high - low)), "parameter");
-      TradeoffPoint point = predicted(pmf_of(request.family, parameter), t.survey.rates, moments);
+      TradeoffPoint point = predicted(member_of(request.family, parameter), t.survey.rates, moments);
       what = "point " + std::to_string(i + 1) + " of " + std::to_string(count);
       if (point.verdict.work == Finiteness::finite) {
         catalog::Choice choice = shape;
@@ -164,10 +164,10 @@ void print(std::ostream& out, const TradeoffReport& t) {
     const bool finite_variance = p.verdict.variance != Finiteness::infinite;
     const bool finite_work = p.verdict.work != Finiteness::infinite;
     rows.push_back(
-        {p.pmf.spec(), rounded(p.pmf.tail_exponent().exponent), figure(finite_variance, p.predicted.variance),
-         figure(p.measured, p.variance), figure(finite_work, p.predicted.work), figure(p.measured, p.work),
-         figure(finite_variance && finite_work, p.predicted.product()), figure(p.measured, p.variance * p.work),
-         figure(p.measured, p.efficiency), rounded(p.verdict.tail_index, 3),
+        {p.pmf.spec(), rounded(p.pmf.tail_exponent().exponent), figure_if(finite_variance, p.predicted.variance),
+         figure_if(p.measured, p.variance), figure_if(finite_work, p.predicted.work), figure_if(p.measured, p.work),
+         figure_if(finite_variance && finite_work, p.predicted.product()), figure_if(p.measured, p.variance * p.work),
+         figure_if(p.measured, p.efficiency), rounded(p.verdict.tail_index, 3),
          p.verdict.tail_index > 0 ? rounded(1 / p.verdict.tail_index, 3) : "all",
          i == t.best ? "<- best of the family" : regions(p)});
   }

@@ -7,18 +7,18 @@ namespace debias {
 namespace {
 
 // Eight independent partial sums: the order is fixed, and a compiler can keep them in vector registers.
-constexpr std::size_t lanes = 8;
+constexpr std::size_t partial_sums = 8;
 
-double total(const std::array<double, lanes>& s) {
+double total(const std::array<double, partial_sums>& s) {
   return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
 }
 
 template <class Term>
 double lane_sum(std::span<const double> values, const Term& term) {
-  std::array<double, lanes> s{};
+  std::array<double, partial_sums> s{};
   std::size_t i = 0;
-  for (; i + lanes <= values.size(); i += lanes) {
-    for (std::size_t l = 0; l < lanes; ++l) s[l] += term(values[i + l]);
+  for (; i + partial_sums <= values.size(); i += partial_sums) {
+    for (std::size_t l = 0; l < partial_sums; ++l) s[l] += term(values[i + l]);
   }
   for (std::size_t l = 0; i < values.size(); ++i, ++l) s[l] += term(values[i]);
   return total(s);

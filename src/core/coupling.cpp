@@ -210,7 +210,7 @@ const char* name_of(Coupling::State state) {
 namespace {
 
 // Three digits are enough.
-std::string figure(double x) {
+std::string three_digits(double x) {
   std::array<char, 32> digits{};
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x, std::chars_format::general, 3).ptr;
   return {digits.data(), end};
@@ -240,8 +240,8 @@ std::optional<Warning> warning_of(const Coupling& c) {
     return Warning{
         WarningCode::coupling,
         "wrong coupling: the coarse partner of level " + std::to_string(c.level) +
-            " does not have the mean of the level below (" + figure(c.z) +
-            " standard errors apart, by chance at most " + figure(c.threshold) +
+            " does not have the mean of the level below (" + three_digits(c.z) +
+            " standard errors apart, by chance at most " + three_digits(c.threshold) +
             "), so every estimate from this sequence is biased; are fine and coarse exchanged, or do levels not start "
             "at 0?"};
   }

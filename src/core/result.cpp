@@ -5,8 +5,7 @@
 #include <limits>
 #include <string>
 
-#include <boost/math/distributions/students_t.hpp>
-
+#include "core/student.hpp"
 #include "core/text.hpp"
 
 namespace debias {
@@ -18,7 +17,7 @@ namespace {
 double error_quantile(double tail, std::int64_t values, double degrees) {
   if (values < 2) return -normal_quantile(tail);
   const double fewest = std::min(static_cast<double>(values - 1), degrees);
-  return -boost::math::quantile(boost::math::students_t(fewest), tail);
+  return -student_quantile(fewest, tail);
 }
 
 }  // namespace

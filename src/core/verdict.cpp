@@ -6,12 +6,12 @@
 
 #include <debias/core/result.hpp>
 
+#include "core/infinity.hpp"
 #include "statistics/posterior.hpp"
 
 namespace debias {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double half = 0.5;
 constexpr double surplus_limit = 3;  // standard errors
 constexpr double sure = 0.02;        // of the fourth moment

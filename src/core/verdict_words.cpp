@@ -14,14 +14,12 @@
 namespace debias {
 namespace {
 
-constexpr double half = 0.5;
-
-std::string figure(double x) { return std::isfinite(x) ? format("%.2f", x) : "bounded"; }
+std::string index_text(double x) { return std::isfinite(x) ? format("%.2f", x) : "bounded"; }
 
 std::string tails_text(const RunVerdict& v) {
   const auto side = [](const TailIndex& tail, const char* name) {
     if (tail.state != TailState::fitted) return std::string("no tail among the ") + name;
-    return "Pareto k " + figure(tail.k) + " of the " + std::to_string(tail.values) + " " + name;
+    return "Pareto k " + index_text(tail.k) + " of the " + std::to_string(tail.values) + " " + name;
   };
   return side(v.upper, "largest") + " and " + side(v.lower, "smallest") + " values";
 }
@@ -75,7 +73,7 @@ std::string way_out(const RunVerdict& v) {
 
 // What the interval lacks.
 std::string why_unreliable(const RunVerdict& v) {
-  if (v.unseen_share > half) return "most of its variance is in levels that were hardly drawn";
+  if (v.unseen_share > 0.5) return "most of its variance is in levels that were hardly drawn";
   if (std::isfinite(v.degrees)) {
     return "its variance is known like that of " + format("%.0f", v.degrees + 1) + " values";
   }
@@ -147,11 +145,11 @@ std::vector<std::string> RunVerdict::sentences() const {
     all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");
   }
   if (infinite_mean(*this)) {
-    all.push_back("even the mean is infinite: tail index " + figure(tail_index) +
-                  (std::isfinite(error) ? " +- " + figure(error) : "") +
+    all.push_back("even the mean is infinite: tail index " + index_text(tail_index) +
+                  (std::isfinite(error) ? " +- " + index_text(error) : "") +
                   " (a mean needs one below 1), and no number of samples helps.");
   } else if (variance == Finiteness::infinite && tail_index > usable_tail_index(samples)) {
-    all.push_back("even the mean is doubtful: tail index " + figure(tail_index) + " (threshold " +
+    all.push_back("even the mean is doubtful: tail index " + index_text(tail_index) + " (threshold " +
                   format("%.2f", usable_tail_index(samples)) + " for " + std::to_string(samples) +
                   " samples), so it may be far off; " +
                   (std::isfinite(samples_needed) ? "this index asks for " + format("%.1e", samples_needed) + " samples."

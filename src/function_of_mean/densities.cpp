@@ -4,8 +4,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include <boost/math/distributions/students_t.hpp>
-
+#include "core/student.hpp"
 #include "core/text.hpp"
 
 namespace debias::densities {
@@ -30,15 +29,14 @@ double StudentT::quantile(double u) const {
   } else if (degrees == 2) {
     t = off * std::sqrt(2 / (u * (1 - u)));
   } else {
-    const boost::math::students_t law(degrees);
-    t = off < 0 ? boost::math::quantile(law, u) : -boost::math::quantile(law, 1 - u);
+    t = off < 0 ? student_quantile(degrees, u) : -student_quantile(degrees, 1 - u);
   }
   return location + scale * t;
 }
 
 double StudentT::density(double x) const {
   check(*this);
-  return boost::math::pdf(boost::math::students_t(degrees), (x - location) / scale) / scale;
+  return student_density(degrees, (x - location) / scale) / scale;
 }
 
 }  // namespace debias::densities

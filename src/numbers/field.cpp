@@ -44,7 +44,7 @@ bool has_comma_among_digits(std::string_view field) {
 }
 
 Parsed refused(Kind kind, std::string_view field, const std::string& why) {
-  return {kind, 0, field.empty() ? why : quoted(field) + ": " + why};
+  return {kind, 0, field.empty() ? why : excerpt(field) + ": " + why};
 }
 
 Parsed why_not(std::string_view field, std::string_view number, const char* end, std::errc error) {
@@ -52,7 +52,7 @@ Parsed why_not(std::string_view field, std::string_view number, const char* end,
   if (field.size() > 40 || error != std::errc{}) return refused(Kind::word, field, "not a number");
   const std::string_view left = number.substr(static_cast<std::size_t>(end - number.data()));
   const bool hexadecimal = left.starts_with('x') || left.starts_with('X');
-  return refused(Kind::word, field, hexadecimal ? "hexadecimal" : quoted(left) + " follows the number");
+  return refused(Kind::word, field, hexadecimal ? "hexadecimal" : excerpt(left) + " follows the number");
 }
 
 }  // namespace

@@ -84,7 +84,7 @@ class Sink {
 };
 
 /// A few bytes as people can read them: 'abc...'.
-std::string quoted(std::string_view text, std::size_t limit = 40);
+std::string excerpt(std::string_view text, std::size_t limit = 40);
 /// The first few names.
 std::string listed(const std::vector<std::string>& names);
 /// Which of the columns is meant, from 0. `named`: the names are names, not values of a first row.

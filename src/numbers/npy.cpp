@@ -44,15 +44,15 @@ struct Array {
 /// The bytes of an element of type "<f8"; U counts characters of four bytes.
 std::uint64_t size_of(const std::string& type) {
   const std::size_t digits = type.find_first_of("0123456789");
-  if (type == "|O" || type == "O") unsupported("Python objects, type " + quoted(type));
-  if (type.empty() || digits == std::string::npos || digits < 1) unsupported("elements of type " + quoted(type));
+  if (type == "|O" || type == "O") unsupported("Python objects, type " + excerpt(type));
+  if (type.empty() || digits == std::string::npos || digits < 1) unsupported("elements of type " + excerpt(type));
   std::uint64_t size = 0;
   std::string_view rest = std::string_view(type).substr(digits);
   const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), size);
   rest = rest.substr(static_cast<std::size_t>(end - rest.data()));
   const bool has_unit = type[digits - 1] == 'M' || type[digits - 1] == 'm';  // M8[ns]
   if (error != std::errc{} || size > (std::uint64_t{1} << 40) || (!rest.empty() && !has_unit)) {
-    unsupported("elements of type " + quoted(type));
+    unsupported("elements of type " + excerpt(type));
   }
   return type[digits - 1] == 'U' ? 4 * size : size;
 }
@@ -81,7 +81,7 @@ class Parser {
         has_shape = true;
         array.shape = tuple();
       } else {
-        corrupt("its header has a key " + quoted(key));
+        corrupt("its header has a key " + excerpt(key));
       }
       if (!take(',') && peek() != '}') fail();
     }
@@ -92,7 +92,7 @@ class Parser {
   }
 
  private:
-  [[noreturn]] void fail() const { corrupt("its header cannot be read at " + quoted(rest_, 20)); }
+  [[noreturn]] void fail() const { corrupt("its header cannot be read at " + excerpt(rest_, 20)); }
   void blanks() {
     while (!rest_.empty() && (rest_[0] == ' ' || rest_[0] == '\n' || rest_[0] == '\t')) rest_.remove_prefix(1);
   }
@@ -171,7 +171,7 @@ class Parser {
         f.name = text();
       }
       expect(',');
-      if (peek() == '[') unsupported("records within records (field " + quoted(f.name) + ")");
+      if (peek() == '[') unsupported("records within records (field " + excerpt(f.name) + ")");
       f.type = text();
       std::optional<std::uint64_t> bytes = size_of(f.type);
       if (take(',')) {
@@ -202,12 +202,12 @@ struct Number {
 /// A type of real numbers; anything else is refused by its name.
 Number number_of(const Field& field) {
   const std::string& t = field.type;
-  const std::string where = field.name.empty() ? "" : " (field " + quoted(field.name) + ")";
+  const std::string where = field.name.empty() ? "" : " (field " + excerpt(field.name) + ")";
   if (!field.scalar) unsupported("an array in each record" + where);
   const bool has_order = t[0] == '<' || t[0] == '>' || t[0] == '|' || t[0] == '=';
   const char kind = t[has_order ? 1 : 0];
   const std::uint64_t size = field.bytes;
-  const std::string name = "type " + quoted(t) + where;
+  const std::string name = "type " + excerpt(t) + where;
   if (kind == 'c') throw Error(Cause::complex, ".npy: complex numbers, " + name);
   if (kind == 'S' || kind == 'U' || kind == 'a') unsupported("strings, " + name);
   if (kind == 'M' || kind == 'm') unsupported("dates or times, " + name);
@@ -347,7 +347,7 @@ void read_npy(Input& input, const Request& request, Report& report, const Take& 
       const std::string& c = request.column;
       const auto [end, error] = std::from_chars(c.data(), c.data() + c.size(), number);
       if (error != std::errc{} || end != c.data() + c.size() || number < 1 || number > columns) {
-        throw Error(Cause::no_column, "column " + quoted(c) + " (.npy, " + shown + ": a number from 1 to " +
+        throw Error(Cause::no_column, "column " + excerpt(c) + " (.npy, " + shown + ": a number from 1 to " +
                                           std::to_string(columns) + ")");
       }
       chosen = static_cast<std::size_t>(number - 1);

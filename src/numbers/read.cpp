@@ -80,7 +80,7 @@ void refuse_wide_characters(std::string_view bytes) {
 
 }  // namespace
 
-std::string quoted(std::string_view text, std::size_t limit) {
+std::string excerpt(std::string_view text, std::size_t limit) {
   std::string shown(text.substr(0, limit));
   for (char& c : shown) c = static_cast<unsigned char>(c) < ' ' || c == '\x7f' ? '?' : c;
   return "'" + shown + (text.size() > limit ? "..." : "") + "'";

@@ -103,7 +103,7 @@ class Table {
     add_blanks();
     if (std::exchange(header_follows_, false)) return;
     if (std::memchr(line.data(), '\0', line.size()) != nullptr) {
-      return sink_.leave_out(row_, quoted(line) + ": a byte that is zero");
+      return sink_.leave_out(row_, excerpt(line) + ": a byte that is zero");
     }
     const std::string_view row = without_comment(line);
     std::string_view field = row;
@@ -140,9 +140,10 @@ class Table {
     return count == real + 1 && row.substr(row.rfind(report_.separator) + 1).find_first_not_of(" \t\r") == row.npos;
   }
   [[noreturn]] void refuse_ragged(std::size_t count, std::string_view row) const {
-    refuse(Cause::ragged, quoted(trimmed(row)) + " has " + std::to_string(count) + (count == 1 ? " field" : " fields") +
-                              ", the first row has " + std::to_string(expected_ - (ends_empty_ ? 1 : 0)) + ": " +
-                              quoted(report_.first_row, 80));
+    refuse(Cause::ragged, excerpt(trimmed(row)) + " has " + std::to_string(count) +
+                              (count == 1 ? " field" : " fields") + ", the first row has " +
+                              std::to_string(expected_ - (ends_empty_ ? 1 : 0)) + ": " +
+                              excerpt(report_.first_row, 80));
   }
 
   void add_long_row() {
@@ -267,21 +268,21 @@ class Table {
     const std::string_view cell = cells[report_.column_number - 1];
     if (request_.header != Header::guess) return;
     const std::string shown =
-        "row " + std::to_string(number) + ", " + quoted(report_.first_row, 60) + ", was taken as ";
+        "row " + std::to_string(number) + ", " + excerpt(report_.first_row, 60) + ", was taken as ";
     if (report_.header && !all_words && !is_name(cell, false)) {
       sink_.doubt(Cause::header,
-                  shown + "a header, since it has words above numbers; " + quoted(cell) + " is not counted");
+                  shown + "a header, since it has words above numbers; " + excerpt(cell) + " is not counted");
     } else if (!report_.header && is_value(cell) && looks_like_header(rows, cells)) {
       sink_.doubt(Cause::header,
-                  shown + "values, though it looks like a header: " + quoted(cell) + " is unlike the rows below it");
+                  shown + "values, though it looks like a header: " + excerpt(cell) + " is unlike the rows below it");
     }
   }
 
   std::size_t choose(const std::vector<std::string>& names, bool may_be_header) const {
     if (!report_.header && may_be_header && !request_.column.empty() &&
         request_.column.find_first_not_of("0123456789") != request_.column.npos) {
-      throw Error(Cause::no_column, "column " + quoted(request_.column) + " (the first row, " +
-                                        quoted(report_.first_row, 60) + ", is no header)");
+      throw Error(Cause::no_column, "column " + excerpt(request_.column) + " (the first row, " +
+                                        excerpt(report_.first_row, 60) + ", is no header)");
     }
     return find_column(request_.column, names, report_.header);
   }
@@ -367,13 +368,13 @@ std::size_t find_column(const std::string& column, const std::vector<std::string
     if (again == names.end()) return index;
     throw Error(Cause::doubled_name, "columns " + std::to_string(index + 1) + " and " +
                                          std::to_string(again - names.begin() + 1) + " are both named " +
-                                         quoted(column) + " (" + listed(names) + ")");
+                                         excerpt(column) + " (" + listed(names) + ")");
   }
   std::size_t number = 0;
   const auto [end, error] = std::from_chars(column.data(), column.data() + column.size(), number);
   const bool is_number = error == std::errc{} && end == column.data() + column.size();
   if (is_number && number >= 1 && number <= names.size()) return number - 1;
-  throw Error(Cause::no_column, "column " + quoted(column) + " (" +
+  throw Error(Cause::no_column, "column " + excerpt(column) + " (" +
                                     (is_number ? "a number from 1 to " + std::to_string(names.size())
                                                : std::string(named ? "no such name" : "the first row is no header")) +
                                     (named ? ": " + listed(names) : "") + ")");

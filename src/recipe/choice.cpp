@@ -13,18 +13,18 @@
 
 #include <debias/core/reach.hpp>
 
+#include "core/infinity.hpp"
 #include "core/text.hpp"
 
 namespace debias {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double most_base_work = 64;  // of one base, in draws of the lowest
 constexpr double worthwhile = 0.98;    // a deeper base has to bring 2 %
 constexpr double fewest_blocks = 512;
 constexpr double fewest_together = 512;  // blocks whose members run together: the longer they are, the quieter
 constexpr std::int64_t largest_block = 4096;
-constexpr double most_members = 0x1p61;
+constexpr double most_members_of_run = 0x1p61;
 constexpr double shared_share = 1.0 / 8;  // of the draws of a level, to compare bases
 constexpr std::size_t levels_beyond = 4;  // of the survey that the table of a PMF holds
 constexpr double most_doubt = 4;          // variance by levels that no run draws, over that of all others
@@ -44,7 +44,7 @@ double rounded(double x, int digits) {
 }
 
 // The chance that a member of a run with this PMF needs a level beyond the deepest.
-double beyond_of(const AnyPmf& pmf, const SingleTermForm& form, std::int64_t deepest_level) {
+double share_beyond(const AnyPmf& pmf, const SingleTermForm& form, std::int64_t deepest_level) {
   struct Levels {
     std::int64_t deepest;
     [[nodiscard]] std::int64_t deepest_level() const { return deepest; }
@@ -186,7 +186,7 @@ class Choice {
 
   // A run of that many members is allowed to take the PMF, see core/reach.hpp.
   [[nodiscard]] bool drawable(const AnyPmf& pmf, const SingleTermForm& form) const {
-    return beyond_of(pmf, form, runs_.deepest_level) <= allowed_beyond_;
+    return share_beyond(pmf, form, runs_.deepest_level) <= allowed_beyond_;
   }
 
   // The best PMF, or the one next to it that can be drawn, if one of finite variance can.
@@ -334,7 +334,7 @@ void take_term(const TermQuestion& question, const SingleTermForm& form, bool fi
 
 bool is_drawable(const Advice& advice, std::int64_t deepest_level, bool has_goal) {
   const double members = static_cast<double>(advice.members) * (has_goal ? spare_members : 1);
-  return beyond_of(advice.pmf, {advice.base_level, advice.base, advice.block}, deepest_level) <=
+  return share_beyond(advice.pmf, {advice.base_level, advice.base, advice.block}, deepest_level) <=
          detail::allowed_beyond(members);
 }
 
@@ -355,7 +355,7 @@ void set_members(Advice& advice, double members) {
   }
   const double blocks = std::max(2.0, std::ceil(members / static_cast<double>(advice.block)));
   // A first pilot may ask for more than there is.
-  advice.members = static_cast<std::int64_t>(std::min(blocks, most_members / largest_block)) * advice.block;
+  advice.members = static_cast<std::int64_t>(std::min(blocks, most_members_of_run / largest_block)) * advice.block;
 }
 
 void refuse_cost(const Advice& advice, double members) {

@@ -5,10 +5,11 @@
 #include <cmath>
 #include <limits>
 
+#include "core/infinity.hpp"
+
 namespace debias {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
 constexpr std::int64_t slow_levels_predicted = 4096;
 constexpr double never_seen = 1e-6;          // of a second moment, for the one of a base that showed nothing but zeros

@@ -24,7 +24,7 @@ constexpr double doubts = 1;                // standard errors of a lambda, wher
 constexpr double aim = 0.85;                // of a goal: the error of 32 blocks is known to an eighth
 constexpr double most_blocks = 0x1p20;      // of a run: more tell nothing that longer ones do not
 constexpr double hopeless = 4;              // of the work of plain numbers
-constexpr double most_members = 0x1p31;     // of a block
+constexpr double most_members_of_block = 0x1p31;
 constexpr double most_exponent_beyond = 3;  // of the tail's, over that of the work, where differences end
 constexpr double established = 4;           // errors of a decay that no rates are declared for
 constexpr double blocks_per_kurtosis = 4;   // then they know the variance to a half
@@ -255,7 +255,7 @@ std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double wo
     return most_work > 0 ? fewest_of(b) * b.work <= most_work : fewest_of(b) * b.members() <= members;
   };
   const std::vector<NetBlock> all = net_blocks(levels->levels, beyond->theta, [&](const NetBlock& b) {
-    if (b.members() > most_members) return true;
+    if (b.members() > most_members_of_block) return true;
     if (target > 0) {
       const bool met = b.variance <= fewest_of(b) * target && b.work >= block_work * unit_;
       return met || (!options_.points && fewest_blocks * b.work > hopeless * plain_work);

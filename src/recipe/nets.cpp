@@ -15,7 +15,7 @@ constexpr double most_lambda = 3;            // of a scrambled net [Owen 1997]
 constexpr int most_octaves = 26;             // of a level: a net has 2^27 points
 constexpr double octaves_known = 0.6;        // to that a variance of 12 nets is known
 constexpr double seen_in_blocks = 1.0 / 64;  // the mass of a tail level that a run of 32 blocks or so is likely to see
-constexpr int most_growth = 3;               // octaves at once: a net may gain by the second of two
+constexpr int most_steps = 3;                // octaves at once: a net may gain by the second of two
 
 // lambda over the upper half of the octaves.
 double lambda_of(const std::vector<double>& variance, double doubts) {
@@ -112,7 +112,7 @@ std::vector<NetBlock> net_blocks(const std::vector<NetLevel>& levels, double the
       best = less / (levels[next].work + tails[next + 1].work - tails[next].work);
     }
     for (std::size_t k = 0; k < next; ++k) {
-      for (int s = 1; s <= most_growth && head[k] + s <= most_octaves; ++s) {
+      for (int s = 1; s <= most_steps && head[k] + s <= most_octaves; ++s) {
         const double less = levels[k].variance_of(head[k]) - levels[k].variance_of(head[k] + s);
         const double gain = less / (levels[k].work * (std::exp2(head[k] + s) - std::exp2(head[k])));
         if (gain > best) {

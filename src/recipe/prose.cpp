@@ -7,13 +7,13 @@
 #include <string>
 #include <utility>
 
+#include "core/infinity.hpp"
 #include "core/text.hpp"
 #include "core/words.hpp"
 
 namespace debias {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double narrow = 0.05;  // of the work's exponent, for the PMF with finite work where none has both
 
 std::string levels_text(const Evidence& e) {

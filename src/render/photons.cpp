@@ -29,7 +29,7 @@ constexpr double radius = 0.5;
 constexpr double glass = 1.5;
 constexpr int groups = 16;  // of passes, each with sums of its own
 
-constexpr PhotonMethod methods[] = {
+constexpr PhotonMethod all_photon_methods[] = {
     {"disc", "one radius for ever", true, false, false},
     {"progressive", "radius^2 ~ i^(-1/3) in pass i", true, false, false},
     {"balanced", "unbiased, radius^2 / 2 and photons x 8 a level", false, false, false},
@@ -224,7 +224,7 @@ struct Group {
 
 }  // namespace
 
-std::span<const PhotonMethod> photon_methods() { return methods; }
+std::span<const PhotonMethod> photon_methods() { return all_photon_methods; }
 
 std::string verdict_of(const PhotonMethod& method) {
   if (method.name == "balanced") return judge(balanced.rates(), balanced.pmf().tail_exponent()).sentence;

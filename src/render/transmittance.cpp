@@ -60,7 +60,7 @@ auto residual(const Ray<Path>& ray) {
   return residual_ratio_tracking(ray, control);
 }
 
-constexpr TransmittanceMethod methods[] = {
+constexpr TransmittanceMethod all_transmittance_methods[] = {
     {"ray_marching", "g of 4 equidistant points with a random offset", true, add_samples<marching<2>>},
     {"jittered_ray_marching", "g of 4 jittered points", true, add_samples<jittered<2>>},
     {"delta_tracking", "1 without a real collision, else 0", false, add_samples<delta_tracking<Path>, 1>},
@@ -91,7 +91,7 @@ constexpr auto layout = [](auto& io, Rendering& r) {
 
 }  // namespace
 
-std::span<const TransmittanceMethod> transmittance_methods() { return methods; }
+std::span<const TransmittanceMethod> transmittance_methods() { return all_transmittance_methods; }
 
 double Rendering::lookups() const {
   double total = 0;

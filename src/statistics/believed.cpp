@@ -10,6 +10,10 @@
 #include "statistics/posterior.hpp"
 
 namespace debias {
+
+using statistics::is_finite;
+using statistics::is_zero;
+
 namespace {
 
 double mix(double a, std::int64_t m, double b, std::int64_t n) {
@@ -18,9 +22,6 @@ double mix(double a, std::int64_t m, double b, std::int64_t n) {
   const double share = static_cast<double>(n) / static_cast<double>(m + n);
   return a + share * (b - a);
 }
-
-bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
-bool is_finite(const LevelVoice& v) { return !std::isnan(v.log2_second); }
 
 }  // namespace
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include <boost/math/distributions/students_t.hpp>
+#include "core/student.hpp"
 
 namespace debias {
 
@@ -49,8 +49,7 @@ Dependence dependence_of(std::span<const double> block_means, std::int64_t block
 }
 
 Interval interval_with(double mean, double standard_error, double degrees, double confidence) {
-  const boost::math::students_t law(std::min(degrees, 1e9));
-  const double half_width = -boost::math::quantile(law, (1 - confidence) / 2) * standard_error;
+  const double half_width = -student_quantile(std::min(degrees, 1e9), (1 - confidence) / 2) * standard_error;
   return {mean - half_width, mean + half_width, confidence};
 }
 

@@ -15,6 +15,10 @@
 namespace debias {
 
 using statistics::few;
+using statistics::is_finite;
+using statistics::is_zero;
+using statistics::likely_p;
+using statistics::shown_p;
 
 const char* name_of(Answer answer) {
   constexpr std::array names = {"yes", "no", "open"};
@@ -28,15 +32,13 @@ const char* name_of(Grade grade) {
 
 namespace {
 
-constexpr double shown_p = 0.005;  // of a wrong answer
-constexpr double likely_p = 0.1;
-constexpr double most_unseen = 0.5;       // of S, where the answer is yes
-constexpr double hits_promised = 14;      // P(none) = 1e-6
-constexpr int declared_levels = 2;        // known ones that rates are worth, where the levels do not contradict them
-constexpr double known_error = 0.5;       // octaves
-constexpr double drowned = -50;           // octaves of D^2 beside I^2, from which rounding is near
-constexpr std::int64_t many_levels = 32;  // that a power has held over, five octaves
-constexpr double zeros_of_nothing = 100;  // draws, where no level has shown a difference
+constexpr double most_unseen_of_sum = 0.5;  // of S, where the answer is yes
+constexpr double hits_promised = 14;        // P(none) = 1e-6
+constexpr int declared_levels = 2;          // known ones that rates are worth, where the levels do not contradict them
+constexpr double known_error = 0.5;         // octaves
+constexpr double drowned = -50;             // octaves of D^2 beside I^2, from which rounding is near
+constexpr std::int64_t many_levels = 32;    // that a power has held over, five octaves
+constexpr double zeros_of_nothing = 100;    // draws, where no level has shown a difference
 
 // Least squares.
 double slope_of(std::span<const double> x, std::span<const double> y) {
@@ -68,9 +70,6 @@ double slope_error_of(std::span<const double> x, std::span<const double> errors)
   }
   return xx > 0 ? std::sqrt(sum) / xx : 0;
 }
-
-bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
-bool is_finite(const LevelVoice& v) { return !std::isnan(v.log2_second); }
 
 // Three digits.
 std::string short_text(double x) {
@@ -475,14 +474,14 @@ class Scales {
     if (doubtful) {
       e_.reasons.push_back({WarningCode::no_second_moment,
                             "the largest differences of most levels look as if there were no second moment"});
-    } else if (p <= shown_p && e_.unseen.high <= most_unseen && e_.known >= 4) {
+    } else if (p <= shown_p && e_.unseen.high <= most_unseen_of_sum && e_.known >= 4) {
       e_.answer = Answer::yes;
       e_.grade = Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
         e_.reasons.push_back({WarningCode::no_second_moment, "some levels may have no second moment"});
       }
-    } else if (p <= likely_p && e_.unseen.median <= most_unseen && e_.known + e_.known_by_rates >= 3) {
+    } else if (p <= likely_p && e_.unseen.median <= most_unseen_of_sum && e_.known + e_.known_by_rates >= 3) {
       e_.answer = Answer::yes;
       e_.grade = Grade::likely;
     } else if (may_say_no && 1 - p <= shown_p && e_.known >= 5) {

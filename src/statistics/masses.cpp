@@ -6,17 +6,17 @@
 
 #include <debias/statistics/evidence.hpp>
 
+#include "core/infinity.hpp"
 #include "statistics/posterior.hpp"
 
 namespace debias {
 namespace {
 
 using statistics::few;
+using statistics::likely_p;
+using statistics::shown_p;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double shown_p = 0.005;
-constexpr double likely_p = 0.1;
-constexpr double most_unseen = 0.75;  // of the variance
+constexpr double most_unseen_of_variance = 0.75;
 constexpr double most_doubt =
     0.5;  // of an unseen variance, relative and squared: it stands at its mean, not at an estimate
 constexpr double least_mass = 1e-300;
@@ -199,7 +199,7 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   v.growth = sum.growth();
   v.unseen = sum.unseen();
 
-  if (v.diverges <= shown_p && v.unseen <= most_unseen && e.known >= 4) {
+  if (v.diverges <= shown_p && v.unseen <= most_unseen_of_variance && e.known >= 4) {
     v.value = Value::finite;
     v.grade = e.missing_moments ? Grade::likely : Grade::shown;
     return v;

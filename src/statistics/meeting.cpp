@@ -6,10 +6,11 @@
 
 #include <debias/core/text.hpp>
 
+#include "core/infinity.hpp"
+
 namespace debias {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double needed = 2;          // exponent, for a finite variance
 constexpr double z = 1.5;             // standard errors
 constexpr double tail_share = 0.125;  // of the chains, where a geometric tail has 3

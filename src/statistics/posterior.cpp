@@ -7,10 +7,10 @@
 
 #include <debias/core/stream.hpp>
 
+#include "core/infinity.hpp"
+
 namespace debias::statistics {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 constexpr std::int64_t fewest_draws = 64;  // of a failure
 constexpr std::int64_t many_draws = 512;   // of a failure that silences the levels below

@@ -21,6 +21,11 @@ namespace debias::statistics {
 
 constexpr double few = 8;                       // effective hits below which a level says nothing
 constexpr double octaves = 1.4426950408889634;  // 1 / ln 2
+constexpr double shown_p = 0.005;               // of a wrong answer, where it is called shown
+constexpr double likely_p = 0.1;                // where it is called likely
+
+inline bool is_zero(const LevelVoice& v) { return std::isinf(v.log2_second); }
+inline bool is_finite(const LevelVoice& v) { return !std::isnan(v.log2_second); }
 
 /// Makes zeros of a difference that is no more than the rounding of the values beside it.
 void drop_rounding(LevelFacts& facts);
