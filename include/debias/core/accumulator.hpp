@@ -34,7 +34,8 @@ namespace detail {
 struct Codec;  // src/core/run_state_bytes.cpp
 }
 
-/// Count, mean and central sums sum (x - mean)^q of real numbers.
+/// Count, mean and central sums sum (x - mean)^q of real numbers; m3 and m4 in a unit of their own where deviations are beyond
+/// 2^+-240, so ask for `skewness` and `kurtosis`.
 struct Moments {
   std::int64_t count = 0;
   double mean = 0;

@@ -73,7 +73,8 @@ struct RunVerdict {
   double kurtosis = 0;
   double unseen_variance = 0;  ///< of the mean, that levels with a mass but hardly a draw may add to the one measured
   double unseen_share = 0;     ///< of the squared error, all of what those levels add
-  double degrees = std::numeric_limits<double>::infinity();  ///< of Student's t, as the parts of the variance are known
+  /// Of Student's t, as the parts of the variance are known; two at most where it is infinite.
+  double degrees = std::numeric_limits<double>::infinity();
   double largest_share = 0;          ///< of the sum of squares about the mean, by the largest sample
   std::int64_t deepest_level = 0;    ///< that any sample reached
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
