@@ -57,7 +57,7 @@ void check_on_all(const Plan& plan, const Drawn& drawn) {
 }
 
 // The plan with the samples that its goal asks for, and what finding out took added to its pilot.
-Plan plan_for_goal(const Plan& plan, const Drawn& drawn) {
+Plan plan_for_goal(const Plan& plan, const Drawn& drawn, std::int64_t& nonfinite) {
   constexpr double pilot_share = 1.0 / 16;  // of the run
   constexpr std::int64_t most_pilot_blocks = std::int64_t{1} << 22;
   constexpr std::int64_t fewest = 64;  // a standard error of fewer is none
@@ -97,6 +97,7 @@ Plan plan_for_goal(const Plan& plan, const Drawn& drawn) {
     spent.seconds = s.seconds;
     const double bias = drawn.bias_bound ? drawn.bias_bound(s.state.total().levels).size : 0;
     const double wanted = wanted_blocks(plan.goal, s, spent.seconds, bias);
+    nonfinite = s.nonfinite;
     if (s.nonfinite > 0 || std::isnan(wanted)) {  // nothing to aim at: the run will say what is wrong
       return planned(s.blocks);
     }
@@ -182,9 +183,10 @@ Statistics with_rounding(Statistics s, double epsilon) {
 Statistics drive(Drawn& drawn, const Plan& plan) {
   const std::int64_t block = drawn.pieces.block;
   Plan fixed = in_blocks(plan, block);
+  std::int64_t nonfinite = 0;  // samples of the pilot for a goal
   if (plan.goal.asked()) {
     drawn.pilot = true;
-    fixed = plan_for_goal(fixed, drawn);
+    fixed = plan_for_goal(fixed, drawn, nonfinite);
     drawn.pilot = false;
   }
   // A pilot has been told more, by its caller.
@@ -192,6 +194,11 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
   check_on_all(fixed, drawn);
   drawn.begin(fixed.first / block, (fixed.first + fixed.samples) / block, !fixed.earlier);
   Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
+  if (nonfinite > 0 && s.nonfinite == 0) {  // as many samples again have shown none: no number is an answer
+    throw std::invalid_argument("Goal: " + std::to_string(nonfinite) +
+                                " samples of its pilot are not finite, none of the " + std::to_string(s.samples) +
+                                " of the run is; ask for many `samples` in place of a goal, which name one to replay");
+  }
   s.goal = plan.goal;
   if (drawn.bias_bound) s.bias_bound = drawn.bias_bound(s.state.total().levels);
   if (drawn.probability) {

@@ -81,7 +81,7 @@ void check_goal(const Goal& goal) {
     ++wishes;
     if (value > 0 && std::isfinite(value)) continue;
     throw std::invalid_argument("Goal: " + std::string(name) + " = " + format("%f", value) +
-                                " (must be positive and finite)");
+                                " (must be positive and finite); a hundredth of the value is a good start");
   }
   if (wishes > 1) throw std::invalid_argument("Goal: more than one wish (each alone fixes the samples); keep one");
 }

@@ -145,6 +145,7 @@ class Adviser {
 };
 
 void check(const Plan& plan, const RecipeOptions& options) {
+  detail::check_plan(plan);
   detail::check_goal(plan.goal);
   detail::check_base_level("recipe", options.base_level.value_or(options.lowest_base));
   if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {

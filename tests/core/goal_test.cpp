@@ -7,6 +7,7 @@
 #include "catch_shim.hpp"
 
 #include <debias/core/estimate.hpp>
+#include <debias/recipe.hpp>
 
 using namespace debias;
 
@@ -72,4 +73,23 @@ TEST_CASE("a goal of seconds, of no variance, and goals that cannot be", "[core]
   CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = -0.1}}), Catch::Contains("error = -0.1"));
   CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 0.1, .seconds = 1}}), Catch::Contains("more than one"));
   CHECK_THROWS_WITH(estimate(exponential, {.goal = {.error = 1e-15}}), Catch::Contains("64 bits"));
+}
+
+TEST_CASE("a goal whose pilot saw no number does not end in one", "[goal]") {
+  for (const double poison : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    std::int64_t calls = 0;
+    const auto x = [&](Stream& rng) { return ++calls == 40 ? poison : rng.uniform(); };  // in the pilot, never again
+    CHECK_THROWS_WITH(estimate(x, {.samples = 4096, .threads = 1, .goal = {.error = 1e-3}}),
+                      Catch::Contains("1 samples of its pilot are not finite"));
+  }
+}
+
+TEST_CASE("a recipe of no samples is refused, as any run is", "[goal][recipe]") {
+  const auto levels = [](std::int64_t level, Stream& rng) {
+    const double u = rng.uniform();
+    return level == 0 ? base(u, 1) : coupled(u, u, 1);
+  };
+  for (const std::int64_t samples : {0, -1, -65536}) {
+    CHECK_THROWS_WITH(estimate(recipe(levels), {.samples = samples}), Catch::Contains("must be at least 1"));
+  }
 }
