@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "catch_shim.hpp"
 
@@ -150,4 +151,21 @@ TEST_CASE("no text decides in the library: the codes of warnings do", "[report][
   CHECK(code_of([](Stream& rng) { return rng.uniform() / 0.0; }) == "nonfinite_samples");
   CHECK(code_of([](Stream& rng) { return rng.uniform(); }, 1) == "one_sample");
   CHECK(code_of([](Stream& rng) { return rng.uniform(); }).empty());
+}
+
+TEST_CASE("the whole report of a result without a name keeps it", "[report]") {
+  const auto run = [] {
+    return estimate([](Stream& rng) { return rng.uniform(); }, {.samples = 1000, .seed = 4, .threads = 1});
+  };
+  const auto whole = [&] { return full(run()); };
+  const auto kept = whole();
+  std::vector<Statistics> others;  // in what a dangling reference would point at
+  for (int i = 0; i < 4; ++i) others.push_back(estimate([](Stream&) { return 1e9; }, {.samples = 100, .threads = 1}));
+  std::ostringstream text;
+  text << kept;
+  const Statistics named = run();
+  std::ostringstream expected;
+  expected << full(named);
+  const auto first_line = [](const std::string& all) { return all.substr(0, all.find('\n')); };
+  CHECK(first_line(text.str()) == first_line(expected.str()));
 }

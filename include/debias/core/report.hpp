@@ -10,6 +10,7 @@
 
 #include <iosfwd>
 #include <string>
+#include <utility>
 
 namespace debias {
 
@@ -20,16 +21,16 @@ std::ostream& operator<<(std::ostream& out, const Statistics& statistics);
 /// The whole one.
 void print_full(std::ostream& out, const Statistics& statistics);
 
-/// What `full` makes: it refers to the report, and is to be printed at once.
+/// What `full` makes: it refers to a result that has a name, and keeps one that has none.
 template <class Report>
 struct Full {
-  const Report& report;
+  Report report;
 };
 
 /// The whole report where the brief one is not enough: `std::cout << full(result)`.
 template <class Report>
 requires requires(std::ostream& out, const Report& report) { print_full(out, report); }
-Full<Report> full(const Report& report) { return {report}; }
+Full<Report> full(Report&& report) { return {std::forward<Report>(report)}; }
 
 template <class Report>
 std::ostream& operator<<(std::ostream& out, const Full<Report>& whole) {
