@@ -167,6 +167,7 @@ LevelsSay levels_say(const Statistics& s) {
   }
   if (!l.available) return say;
   if (e.end != End::none) {
+    l.ends = true;
     l.tail_index = -infinity;
     l.diverges = 0;
     l.fourth_moment = Finiteness::finite;

@@ -31,7 +31,7 @@ std::string evidence_text(const RunVerdict& v) {
     if (std::isinf(v.tail_index) && std::isinf(v.error)) return "no tail to be seen" + met;
     return tails_text(v) + met;
   }
-  if (std::isinf(l.tail_index)) return "every difference is zero beyond some level";
+  if (l.ends) return "every difference is zero beyond some level";
   return levels_words(l.first_level, l.last_level) + (l.contradicted ? ", which deeper ones contradict" : "");
 }
 
@@ -95,6 +95,11 @@ constexpr const char* biased =
     "the mean is BIASED: the levels do not fit together, see warning; no interval covers, and no number of samples "
     "helps.";
 
+std::string about_work(const RunVerdict& v) {
+  if (v.work != Finiteness::infinite) return {};
+  return " Its expected work is INFINITE: the PMF falls more slowly than the work of a level grows.";
+}
+
 std::string about_variance(const RunVerdict& v) {
   std::string known = evidence_text(v);
   if (v.levels.available && v.unseen_share >= 0.005) {
@@ -133,13 +138,13 @@ const char* name_of(Finiteness finiteness) {
 
 std::string RunVerdict::sentence() const {
   if (wrong_coupling) return biased;
-  if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this);
+  if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this) + about_work(*this);
   return "variance finite" + graded(*this) + (levels.available ? "" : " as far as these values reach") +
-         ", but the interval is unreliable: " + why_unreliable(*this) + "; take more samples.";
+         ", but the interval is unreliable: " + why_unreliable(*this) + "; take more samples." + about_work(*this);
 }
 
 std::vector<std::string> RunVerdict::sentences() const {
-  std::vector<std::string> all = {about_variance(*this)};
+  std::vector<std::string> all = {about_variance(*this) + about_work(*this)};
   if (wrong_coupling) all.emplace(all.begin(), biased);
   if (variance == Finiteness::finite && !interval_reliable() && !wrong_coupling) {
     all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");

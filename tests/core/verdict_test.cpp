@@ -18,6 +18,7 @@
 #include <debias/core/verdict.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/pmf/geometric.hpp>
+#include <debias/pmf/zeta.hpp>
 #include <debias/series.hpp>
 
 using namespace debias;
@@ -270,6 +271,49 @@ TEST_CASE("every sentence has its grade, levels, consequence and advice", "[verd
     CHECK(sentence.back() == '.');
     CHECK(sentence.find('\n') == std::string::npos);
   }
+}
+
+TEST_CASE("a PMF that falls more slowly than the work grows is told so, and one that does not is not", "[verdict]") {
+  const auto halves = [](std::int64_t level, Stream& rng) {
+    const double u = rng.uniform();
+    if (level == 0) return base(2 * u, 1);
+    const double step = std::exp2(-static_cast<double>(level));
+    return coupled(u + step * u, u + 2 * step * u, 1 / step);
+  };
+  for (const double r : {0.4, 0.6}) {
+    const Statistics s = estimate(single_term(halves, Geometric(r)), {.samples = 4096, .seed = 2});
+    const RunVerdict v = s.verdict();
+    CAPTURE(r, v.sentence());
+    CHECK(v.variance == Finiteness::finite);
+    CHECK((v.work == Finiteness::infinite) == (r < 0.5));
+    const bool is_said = v.sentence().find("expected work is INFINITE") != std::string::npos;
+    CHECK(is_said == (r < 0.5));
+    CHECK_FALSE(v.levels.ends);
+  }
+}
+
+TEST_CASE("an infinite variance leaves two degrees of freedom", "[verdict][exact]") {
+  const RunVerdict infinite = verdict({.beta = 1, .rho = 1.5});
+  CHECK(infinite.variance == Finiteness::infinite);
+  CHECK(infinite.degrees <= 2);
+  CHECK(verdict({.beta = 2, .rho = 1.5}).degrees > 2);
+}
+
+TEST_CASE("only differences that end are said to be zero", "[verdict][exact]") {
+  Table t;
+  t.zero_from = 5;
+  CHECK(verdict(t).levels.ends);
+  CHECK_THAT(verdict(t).sentences().front(), Catch::Contains("zero beyond some level"));
+  const auto halves = [](std::int64_t level, Stream& rng) {
+    const double u = rng.uniform();
+    if (level == 0) return base(2 * u, 1);
+    const double step = std::exp2(-static_cast<double>(level));
+    return coupled(u + step * u, u + 2 * step * u, 1);
+  };
+  const RunVerdict v = estimate(single_term(halves, Zeta(2.5)), {.samples = 8192, .seed = 3}).verdict();
+  CHECK(std::isinf(v.tail_index));  // powers of 2 beside a power of the level
+  CHECK_FALSE(v.levels.ends);
+  CHECK(v.sentence().find("zero beyond") == std::string::npos);
 }
 
 TEST_CASE("the verdict names the samples to replay", "[verdict]") {
