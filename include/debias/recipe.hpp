@@ -15,8 +15,8 @@
 // never less. Throws only where a no is shown or likely (statistics/evidence.hpp says what no rule decides).
 // Once levels are known it measures, by a few scrambled nets a level, how the variance of a mean falls with the points, and
 // takes blocks of nets where they promise a quarter less work than plain numbers (recipe/nets.hpp): 32 blocks at least, their
-// number fixed before the run. Such pilots aim at no more than a tenth of the run or, where that is more, 2e4 draws of the base
-// and a quarter of the run; what an open answer, or the strata of a choice, draw comes on top.
+// number fixed before the run. Such pilots aim at a tenth of the run, those of a short one at a quarter of it, 2e4 draws of the
+// base at most; what an open answer, or the strata of a choice, draw comes on top.
 // Sources: Rhee & Glynn, Oper. Res. 63 (2015), the PMF; Vihola, Oper. Res. 66 (2018), strata; the rest derived.
 
 #include <cmath>

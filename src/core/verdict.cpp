@@ -30,6 +30,14 @@ constexpr double tail_z = 1.5;
 constexpr double deep_index = 0.4;   // of the quarter of the tail, for `infinite`
 constexpr double fewest_hits = 100;  // values beside the commonest one, for `finite`
 
+double largest_square(const std::vector<LevelFacts>& facts) {
+  double largest = 0;
+  for (const LevelFacts& f : facts) {
+    if (std::isfinite(f.second_moment)) largest = std::max(largest, f.second_moment);
+  }
+  return largest;
+}
+
 std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
   std::vector<LevelFacts> facts;
   for (const LevelRow& row : rows) {
@@ -46,8 +54,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
     facts.push_back(f);
   }
   // What a run knows of the values: they are as large as the largest of its parts.
-  double size = 0;
-  for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
+  const double size = largest_square(facts);
   for (LevelFacts& f : facts) {
     f.value_square = size;
     statistics::drop_rounding(f);
@@ -57,8 +64,7 @@ std::vector<LevelFacts> facts_of(const std::vector<LevelRow>& rows) {
 
 // Values are 2^exponent in size: the levels are judged in that unit, since squares of squares of tiny values are zeros.
 int exponent_of_values(const std::vector<LevelFacts>& facts) {
-  double size = 0;
-  for (const LevelFacts& f : facts) size = std::isfinite(f.second_moment) ? std::max(size, f.second_moment) : size;
+  const double size = largest_square(facts);
   return size > 0 ? std::ilogb(size) / 2 : 0;
 }
 

@@ -209,8 +209,8 @@ std::vector<double> best_masses(const TermMoments& moments) {
   std::vector<double> price(n);
   const auto solve_at = [&](double s) {
     double moved = 1;
-    for (int i = 0; i < (m.block > 1 ? 6 : 1) && moved > settled;
-         ++i) {  // strata: a depends on p, falls up to twice as fast
+    const int rounds = m.block > 1 ? 6 : 1;  // strata: a depends on p, and falls up to twice as fast
+    for (int i = 0; i < rounds && moved > settled; ++i) {
       double sum = 0;
       for (std::size_t k = 0; k < n; ++k) {
         a[k] = levels.square_of_best(k, p[k]);
@@ -233,8 +233,8 @@ std::vector<double> best_masses(const TermMoments& moments) {
     const double found = solve_at(std::exp(log_price));
     return found > 0 ? std::log(found) - log_price : -most_log_price;
   };
-  const VarianceAndWork even =
-      levels.predict(p);  // has the units of the problem, so that none has a part in what is found
+  // From even masses, whose price has the units of the problem: none has a part in what is found.
+  const VarianceAndWork even = levels.predict(p);
   const double start = std::log(std::max(even.variance / even.work, std::numeric_limits<double>::min()));
   const double at_start = excess(start);
   const double step = at_start > 0 ? log_step : -log_step;

@@ -9,7 +9,8 @@
 //
 // Wrong: a yes where there is no such PMF, a no where there is one. Families of which no more than one level that is reached
 // shows the last feature ("beyond") are a table of their own: nobody can know. So are those without E D^2, except that a
-// yes to them is wrong. Widths are compared at equal work: half-width / (1.96 sqrt(price / work of the run)).
+// yes to them is wrong. Widths are compared at equal work, half-width / (1.96 sqrt(price / work of the run)), where four levels
+// beyond the last feature are reached, like the shares of yes and no.
 // Runs share nothing, so results are the same for any number of threads.
 
 #include <cstdint>

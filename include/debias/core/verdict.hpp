@@ -42,9 +42,8 @@ const char* name_of(Finiteness finiteness);
 struct LevelEvidence {
   bool available = false;  ///< at least three usable levels, or all deeper differences are zero
   std::int64_t usable_levels = 0;
-  bool ends = false;  ///< the differences are zero, or rounding, beyond some level
-  double tail_index =
-      0;  ///< xi; -infinity where the differences end, or fall by powers of 2 beside a PMF that is a power
+  bool ends = false;      ///< the differences are zero, or rounding, beyond some level
+  double tail_index = 0;  ///< xi; -infinity where they end, or fall by powers of 2 beside a PMF that is a power
   double error = 0;
   double beta = 0;  ///< of E D_k^2 in the limit, in the unit of the PMF: 2^(-beta k) or k^(-beta)
   double beta_error = 0;
