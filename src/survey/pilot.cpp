@@ -81,7 +81,7 @@ void Pilot::refuse_time(std::int64_t level, double seconds) const {
   throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) + " takes " + format("%.2g", seconds) +
                               " seconds (its stated work is " + format("%.4g", of_both(work_of_.at(level))) +
                               ", and shallower levels state as much for a small part of that time); state the work of "
-                              "a draw, the last argument of base and coupled");
+                              "a draw (`work`, with its value)");
 }
 
 void Pilot::grow(double work, std::int64_t deepest) {

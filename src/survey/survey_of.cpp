@@ -181,10 +181,10 @@ class Conclusion {
       const double before =
           std::max(previous.difference_work, previous.value_work) / std::max(row.difference_work, row.value_work);
       if (!(previous.seconds / std::max(row.seconds, 1e-8) > factor / 2 * before)) continue;
-      remark(WarningCode::unexplained_time,
-             "a draw of level " + std::to_string(last.level) + " takes " + text_of(time) +
-                 " times as long as one of level " + std::to_string(row.level) + " and states " + text_of(work) +
-                 " times its work: state the work of a draw (the last argument of base and coupled)");
+      remark(WarningCode::unexplained_time, "a draw of level " + std::to_string(last.level) + " takes " +
+                                                text_of(time) + " times as long as one of level " +
+                                                std::to_string(row.level) + " and states " + text_of(work) +
+                                                " times its work: state the work of a draw (`work`, with its value)");
       return;
     }
   }
