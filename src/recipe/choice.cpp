@@ -345,6 +345,13 @@ double highest_moment_of(const Survey& survey, double exponent) {
   return !(excess > 0) ? infinity : (polynomial ? exponent - 1 : exponent) / excess;
 }
 
+std::optional<Rates> slower_declared(const Evidence& evidence, const Rates& shown) {
+  const std::optional<Rates>& declared = evidence.not_there;
+  if (!declared || declared->decay != shown.decay || !(declared->variance_decay < shown.variance_decay)) return {};
+  const Rates limit{declared->variance_decay, shown.work_growth, shown.decay};
+  return pmf_exists(limit) ? std::optional(limit) : std::nullopt;
+}
+
 double fewest_blocks_of(const Advice& advice) { return advice.runs_together ? fewest_together : fewest_blocks; }
 
 void set_members(Advice& advice, double members) {

@@ -4,8 +4,10 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "core/infinity.hpp"
+#include "recipe/choice.hpp"
 
 namespace debias {
 namespace {
@@ -96,11 +98,8 @@ double tail_exponent_for(const Survey& s) {
   if (e.end != End::none && !known) r.variance_decay.value = r.fourth_decay.value = Rates::faster_than_any;
   if (pmf_exists(rates_of(r))) {
     const double exponent = default_exponent(r);
-    // Declared rates that the levels do not follow yet: as a tail that is right for these, too.
-    const bool slower = e.not_there && (e.not_there->decay == Decay::polynomial) == polynomial &&
-                        e.not_there->variance_decay < r.variance_decay.value;
-    const Rates limit{slower ? e.not_there->variance_decay : 0, r.work_growth.value, rates_of(r).decay};
-    return slower && pmf_exists(limit) ? std::min(exponent, default_exponent(limit)) : exponent;
+    const std::optional<Rates> slower = slower_declared(e, rates_of(r));
+    return slower ? std::min(exponent, default_exponent(*slower)) : exponent;
   }
   return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work
 }

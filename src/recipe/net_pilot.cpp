@@ -7,6 +7,7 @@
 
 #include "core/communicator.hpp"
 #include "core/text.hpp"
+#include "recipe/choice.hpp"
 
 namespace debias {
 namespace {
@@ -71,7 +72,9 @@ std::optional<Beyond> beyond_of(const Survey& s, const std::optional<Rates>& dec
     why = "the levels do not show a decay that leaves room for a tail";
     return {};
   }
-  return Beyond{rates.variance_decay, rounded_exponent(std::min(dyadic_exponent(rates), work + most_exponent_beyond))};
+  double theta = std::min(dyadic_exponent(rates), work + most_exponent_beyond);
+  if (const auto slower = slower_declared(e, rates)) theta = std::min(theta, dyadic_exponent(*slower));
+  return Beyond{rates.variance_decay, rounded_exponent(theta)};
 }
 
 }  // namespace

@@ -200,10 +200,7 @@ class Scales {
     if (seen.size() < 3 && !follows) e_.courses.clear();
     if (e_.courses.empty()) return;
     if (follows) e_.known_by_rates = declared_levels;
-    constexpr int enough_to_contradict = 5;  // levels, in what is only likely
-    if (declared && !follows && (!e_.contradiction || e_.known < enough_to_contradict)) {
-      e_.not_there = sequence_.declared;
-    }
+    if (declared && !follows) e_.not_there = sequence_.declared;
     double weight = 0;
     for (const Course& c : e_.courses) weight += c.polynomial;
     polynomial_share_ = weight / static_cast<double>(e_.courses.size());

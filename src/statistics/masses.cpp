@@ -205,8 +205,10 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
     return v;
   }
   const int known = e.known + e.known_by_rates;
-  // Levels that fall faster than declared rates allow may only not be there yet.
-  const bool too_steep = e.not_there && (e.not_there->decay == Decay::polynomial) == p.power() &&
+  // Levels that fall faster than declared rates allow may only not be there yet; many that contradict them are.
+  constexpr int enough_to_contradict = 5;
+  const bool may_be_slower = e.not_there && (!e.contradiction || e.known < enough_to_contradict);
+  const bool too_steep = may_be_slower && (e.not_there->decay == Decay::polynomial) == p.power() &&
                          e.not_there->variance_decay < (p.power() ? p.exponent() + 1 : p.fall());
   if (v.diverges <= likely_p && known >= 3 && !too_steep) {
     v.value = Value::finite;
