@@ -85,6 +85,6 @@ TEST_CASE("What is no count is refused, with the argument's name, the reason and
 
 TEST_CASE("A count that embeds a zero byte or is very long is refused at once", "[arguments][exact]") {
   CHECK(complaint(std::string_view("1\0002", 3)).rfind("--samples = '", 0) == 0);
-  CHECK(complaint(std::string(100'000, '9') + "x").rfind("--samples = '", 0) == 0);
+  CHECK(complaint(std::string(100'000, '9').append("x")).rfind("--samples = '", 0) == 0);
   CHECK(complaint("0." + std::string(100'000, '9') + "e5").rfind("--samples = '", 0) == 0);
 }
