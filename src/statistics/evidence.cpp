@@ -393,11 +393,13 @@ class Scales {
   }
 
   [[nodiscard]] bool steepens(double scatter) const {
-    const std::size_t n = std::min<std::size_t>(6, usable_.size());
+    constexpr std::size_t many = 6;
+    const std::size_t n = std::min(many, usable_.size());
     if (n < 4) return false;
     const Halves h = halves(n, scatter);
     const double bend = h.late.value - h.early.value;
-    return bend > (e_.exponential_work ? 0.3 : 0.015) && bend > 2 * h.bend_error();
+    // Few levels may be all on the near side of a hump: less is enough for a doubt.
+    return bend > (e_.exponential_work ? 0.3 : 0.015) && bend > (n < many ? 1 : 2) * h.bend_error();
   }
 
   // A hump bends. What has grown for six levels by as much each is a trend.
@@ -476,7 +478,10 @@ class Scales {
       e_.grade = Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
-        e_.reasons.push_back({WarningCode::no_second_moment, "some levels may have no second moment"});
+        e_.reasons.push_back({WarningCode::no_second_moment,
+                              e_.missing_moments ? "some levels may have no second moment"
+                                                 : "the draws of many levels do not tell whether these have a second "
+                                                   "moment, so the answer is likely and not shown"});
       }
     } else if (p <= likely_p && e_.unseen.median <= most_unseen_of_sum && e_.known + e_.known_by_rates >= 3) {
       e_.answer = Answer::yes;
