@@ -316,8 +316,20 @@ class Driver {
     return std::sqrt(square);
   }
 
+  // No level has shown a difference, though values vary at all of them alike: an end, or a pause that nobody looked beyond.
+  [[nodiscard]] bool only_zeros() const {
+    if (runs_.facts.exact_from || pilots_.size() < 2 || last_shown(pilots_.size() - 1) != 0) return false;
+    const auto varies = [](const Level& pilot) {
+      double sum = 0;
+      for (const Moments& m : pilot.values) sum += m.mean * m.mean > 0x1p60 * m.variance() ? 0 : m.variance();
+      return sum;
+    };
+    return pilots_.front().second != 0 && varies(pilots_.back()) > varies(pilots_.front()) / 2;
+  }
+
   // Every level has shown its variance.
   [[nodiscard]] bool is_known() const {
+    if (only_zeros()) return false;
     const auto is_zero = [](const Level& pilot) { return pilot.second == 0; };
     if (std::all_of(pilots_.begin(), pilots_.end(), is_zero)) return false;  // a rarer value would not have been seen
     return std::all_of(pilots_.begin(), pilots_.end(), [](const Level& pilot) {
@@ -335,6 +347,13 @@ class Driver {
           {WarningCode::equal_samples,
            "all draws are zero, so the goal is not met: a value that comes up less than three times in " +
                std::to_string(pilots_.front().draws) + " draws would not have been seen."});
+    }
+    if (only_zeros()) {
+      result.warnings.push_back(
+          {WarningCode::zero_differences, "all differences of levels 1 to " + std::to_string(pilots_.size() - 1) +
+                                              " are exactly zero, so the goal is not met: the base is all, or levels "
+                                              "only begin to differ deeper down; "
+                                              "state `exact_from` where they end."});
     }
     result.components.resize(levels_.front().components.size());
     std::vector<double> x;

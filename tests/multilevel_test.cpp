@@ -79,6 +79,71 @@ TEST_CASE("multilevel is the same for any threads and says when its levels are n
   CHECK(text.str().find("Var D") != text.str().npos);
 }
 
+namespace {
+
+/// U (1 + sum of 2^(first - j) over first <= j <= k): no difference before level `first`.
+struct Pause {
+  std::int64_t first;
+  Draw<double> at(std::int64_t level, double u) const {
+    const auto of = [&](std::int64_t k) {
+      double sum = 1;
+      for (std::int64_t j = first; j <= k; ++j) sum += std::exp2(static_cast<double>(first - j));
+      return u * sum;
+    };
+    return level == 0 ? base(of(0)) : coupled(of(level), of(level - 1), std::exp2(static_cast<double>(level)));
+  }
+  Draw<double> operator()(std::int64_t level, Stream& rng) const { return at(level, rng.uniform()); }
+};
+
+/// No differences at all, and says so.
+struct Ends {
+  std::int64_t exact_from = 0;
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double u = rng.uniform();
+    return level == 0 ? base(u) : coupled(u, u);
+  }
+};
+
+/// A mean of 2^k draws, which needs no levels.
+struct MeanOfDraws {
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const std::int64_t n = std::int64_t{1} << level;
+    double sum = 0;
+    for (std::int64_t i = 0; i < n; ++i) sum += std::floor(1024 * rng.uniform());
+    const double mean = sum / static_cast<double>(n);
+    return level == 0 ? base(mean) : coupled(mean, mean, static_cast<double>(n));
+  }
+};
+
+bool says_zeros(const MultilevelStatistics& m) {
+  return !m.warnings.empty() && m.warnings.back().code == WarningCode::zero_differences;
+}
+
+}  // namespace
+
+TEST_CASE("levels that have shown no difference meet no goal, unless they are the end", "[multilevel][exact]") {
+  for (const std::int64_t first : {4, 6, 9}) {
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      const auto pause = multilevel(Pause{first}, 0.01, {.seed = seed});
+      CHECK_FALSE(pause.goal_met());
+      CHECK(says_zeros(pause));
+    }
+  }
+  const auto seen = multilevel(Pause{2}, 0.01);
+  CHECK(seen.goal_met());
+  CHECK_FALSE(says_zeros(seen));
+  const auto ends = multilevel(Ends{}, 0.01);
+  CHECK(ends.goal_met());
+  CHECK_FALSE(says_zeros(ends));
+  const auto average = multilevel(MeanOfDraws{}, 10);
+  CHECK(average.goal_met());
+  CHECK_FALSE(says_zeros(average));
+  const auto constant =
+      multilevel([](std::int64_t level, Stream&) { return level == 0 ? base(7.0) : coupled(7.0, 7.0); }, 0.01);
+  CHECK(constant.goal_met());
+  CHECK_FALSE(says_zeros(constant));
+}
+
 TEST_CASE("multilevel refuses impossible errors and options", "[multilevel][exact]") {
   CHECK_THROWS_WITH(multilevel(Levels{}, 0), Catch::Contains("error = 0"));
   CHECK_THROWS_AS(multilevel(Levels{}, 1, {}, {.bias_share = 1}), std::invalid_argument);
