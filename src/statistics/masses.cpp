@@ -122,6 +122,7 @@ class Sum {
     // Beside a PMF that falls ever faster the ratio is what has a trend.
     of_ratios_ = p.steep() && ratios.size() >= 3;
     if (of_ratios_) {
+      turns_ = turns_up(ratios);
       courses_ = statistics::courses_of(ratios, false);
     } else if (power != 1) {
       courses_ = statistics::courses_of(own, !e.exponential_work);
@@ -164,9 +165,26 @@ class Sum {
     return u[static_cast<std::size_t>((1 - shown_p) * static_cast<double>(u.size() - 1) + 0.5)];
   }
 
+  // Levels that do not fall ever faster, as the PMF does: what falls today grows in the end.
+  [[nodiscard]] bool turns() const { return turns_; }
+
   std::vector<double> contributions;  // of usable levels, in octaves
 
  private:
+  // Of the last six: the ratio may bend up by more than half of what the masses bend down.
+  [[nodiscard]] bool turns_up(const std::vector<statistics::Observation>& ratios) const {
+    const std::size_t n = std::min<std::size_t>(6, ratios.size());
+    const statistics::Observation& a = ratios[ratios.size() - n];
+    const statistics::Observation& b = ratios[ratios.size() - n + n / 2];
+    const statistics::Observation& c = ratios.back();
+    const auto bend = [&](const auto& of) {
+      return (of(b) - of(c)) / (c.level - b.level) - (of(a) - of(b)) / (b.level - a.level);
+    };
+    const double of_masses = bend([&](const auto& o) { return power_ * p_.at(static_cast<std::int64_t>(o.level)); });
+    const double error = std::hypot(std::hypot(b.error, c.error) / (c.level - b.level),
+                                    std::hypot(a.error, b.error) / (b.level - a.level));
+    return bend([](const auto& o) { return o.value; }) < error - of_masses / 2;
+  }
   // How much faster than necessary the terms fall.
   [[nodiscard]] double excess(const Course& c, double slope) const {
     if (of_ratios_) return slope;
@@ -180,6 +198,7 @@ class Sum {
   double power_;
   std::vector<Course> courses_;
   bool of_ratios_ = false;
+  bool turns_ = false;
 };
 
 }  // namespace
@@ -199,7 +218,7 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   v.growth = sum.growth();
   v.unseen = sum.unseen();
 
-  if (v.diverges <= shown_p && v.unseen <= most_unseen_of_variance && e.known >= 4) {
+  if (v.diverges <= shown_p && v.unseen <= most_unseen_of_variance && e.known >= 4 && !sum.turns()) {
     v.value = Value::finite;
     v.grade = e.missing_moments ? Grade::likely : Grade::shown;
     return v;
@@ -210,7 +229,7 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   const bool may_be_slower = e.not_there && (!e.contradiction || e.known < enough_to_contradict);
   const bool too_steep = may_be_slower && (e.not_there->decay == Decay::polynomial) == p.power() &&
                          e.not_there->variance_decay < (p.power() ? p.exponent() + 1 : p.fall());
-  if (v.diverges <= likely_p && known >= 3 && !too_steep) {
+  if (v.diverges <= likely_p && known >= 3 && !too_steep && !sum.turns()) {
     v.value = Value::finite;
     v.grade = Grade::likely;
     return v;

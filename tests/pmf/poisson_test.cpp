@@ -8,7 +8,10 @@
 #include "catch_shim.hpp"
 #include "laws/pmf_laws.hpp"
 
-using debias::Poisson;
+#include <debias/core/estimate.hpp>
+#include <debias/estimators/single_term.hpp>
+
+using namespace debias;
 
 static_assert(debias::DescribedPmf<Poisson>);
 
@@ -82,4 +85,31 @@ TEST_CASE("Poisson refuses a lambda that is no mean level", "[pmf][exact]") {
     CHECK_THROWS_AS(Poisson(lambda), std::invalid_argument);
   }
   CHECK_THROWS_WITH(Poisson(0), Catch::Contains("Poisson: lambda = 0 (must lie in (0, 1e6])"));
+}
+
+TEST_CASE("only differences that fall as fast as a Poisson law are called finite beside it",
+          "[pmf][verdict][statistical]") {
+  const auto finite_of = [](const auto& size, double lambda) {
+    const auto levels = [size](std::int64_t level, Stream& rng) {
+      const double u = rng.exponential();
+      double sum = size(0);
+      for (std::int64_t k = 1; k < level; ++k) sum += size(k);
+      return level == 0 ? base(u * sum) : coupled(u * (sum + size(level)), u * sum);
+    };
+    int finite = 0;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      const auto r = estimate(single_term(levels, Poisson(lambda)), {.samples = 1 << 14, .seed = seed, .threads = 1});
+      finite += r.verdict().variance == Finiteness::finite;
+    }
+    return finite;
+  };
+  const auto power = [](std::int64_t k) { return std::exp2(static_cast<double>(-k)); };
+  const auto factorial = [](std::int64_t k) {
+    return std::exp(static_cast<double>(k) * std::log(2.0) - std::lgamma(static_cast<double>(k) + 1));
+  };
+  for (const double lambda : {0.5, 1.0, 2.0, 4.0}) {
+    CAPTURE(lambda);
+    CHECK(finite_of(power, lambda) <= 4);  // sum of k! / (4 lambda)^k: each term smaller than the one before at first
+    if (lambda >= 1) CHECK(finite_of(factorial, lambda) >= 14);
+  }
 }
