@@ -147,7 +147,18 @@ class Adviser {
 void check(const Plan& plan, const RecipeOptions& options) {
   detail::check_plan(plan);
   detail::check_goal(plan.goal);
-  detail::check_base_level("recipe", options.base_level.value_or(options.lowest_base));
+  if (options.lowest_base < 0) {
+    throw std::invalid_argument("recipe: lowest_base = " + std::to_string(options.lowest_base) +
+                                " (levels start at 0)");
+  }
+  if (options.base_level) detail::check_base_level("recipe", *options.base_level);
+  if (options.base_level && *options.base_level < options.lowest_base) {
+    throw std::invalid_argument("recipe: base_level = " + std::to_string(*options.base_level) +
+                                " is below lowest_base = " + std::to_string(options.lowest_base) + "; state one");
+  }
+  if (options.rates && (std::isnan(options.rates->variance_decay) || std::isnan(options.rates->work_growth))) {
+    throw std::invalid_argument("recipe: rates that are not numbers; leave them out where they are not known");
+  }
   if (options.budget && !(*options.budget > 0 && std::isfinite(*options.budget))) {
     throw std::invalid_argument("recipe: budget = " + format("%g", *options.budget) +
                                 " (the work of the pilot must be positive and finite)");

@@ -378,6 +378,33 @@ void refuse_cost(const Advice& advice, double members) {
                               " seconds); ask for a larger error");
 }
 
+namespace {
+
+// |E I|, but no less than its error: the values of the level from which on they, with the differences above it, tell it best. Those
+// of the deepest level alone are few.
+double size_of(const Survey& s) {
+  double size = std::abs(s.rows.back().mean);
+  double least = infinity;
+  double of_above = 0;  // variance of what the differences above add
+  std::vector<double> above(s.rows.back().values.size());
+  for (auto row = s.rows.rbegin(); row != s.rows.rend() && row->level >= s.evidence.lowest_base; ++row) {
+    const auto draws = static_cast<double>(row->draws);
+    const double variance = row->variance / draws + of_above;
+    if (row->values.size() != above.size()) break;
+    if (variance < least) {
+      least = variance;
+      size = 0;
+      for (std::size_t c = 0; c < above.size(); ++c) size = std::hypot(size, row->values[c].mean + above[c]);
+    }
+    if (row->coarse.size() != above.size()) break;
+    for (std::size_t c = 0; c < above.size(); ++c) above[c] += row->values[c].mean - row->coarse[c].mean;
+    of_above += row->difference_variance / draws;
+  }
+  return least < infinity ? std::max(size, std::sqrt(least)) : size;
+}
+
+}  // namespace
+
 double wanted_members(const Advice& advice, const Plan& plan) {
   const Goal& goal = plan.goal;
   if (!goal.asked()) return static_cast<double>(plan.samples);
@@ -390,8 +417,7 @@ double wanted_members(const Advice& advice, const Plan& plan) {
     }
     return (Goal::aim * goal.seconds - advice.pilot_seconds) / (advice.predicted.work * seconds / work);
   }
-  double size = std::abs(advice.survey.rows.back().mean);
-  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size);
+  const double error = Goal::aim * (goal.error > 0 ? goal.error : goal.relative_error * size_of(advice.survey));
   const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
   // What is not shown may ask for less when the pilot has seen more.
   const bool shown = advice.survey.pmf_exists == Answer::yes && advice.survey.grade == Grade::shown;

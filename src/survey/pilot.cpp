@@ -60,6 +60,10 @@ std::pair<double, double> Pilot::work_of(std::int64_t level) {
   if (plan_.progress && !plan_.progress(0)) throw Interrupted("pilot: interrupted by the caller");
   const double start = processor_seconds();
   work_of_[level] = runs_.work(level, plan_);
+  if (!(of_both(work_of_[level]) > 0)) {
+    throw std::invalid_argument("pilot: a draw of level " + std::to_string(level) +
+                                " states no work (must be positive); count the numbers that it draws, say");
+  }
   const double seconds = processor_seconds() - start;
   const auto is_explained = [&] {
     if (plan_.ranks.size() > 1 || seconds < enough_time) return true;

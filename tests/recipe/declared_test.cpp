@@ -13,7 +13,7 @@ using namespace debias;
 namespace {
 
 // D_k of sd 2^(-decay k / 2), for 2^k of work.
-auto levels_of(double decay) {
+auto falling_by(double decay) {
   return [decay](std::int64_t level, Stream& rng) {
     const double z = rng.normal();
     if (level == 0) return base(1 + z);
@@ -23,7 +23,7 @@ auto levels_of(double decay) {
 }
 
 double exponent_of(double shown, double declared, std::uint64_t seed) {
-  const Advice a = advise(level_runs(levels_of(shown)), {.samples = 1 << 16, .seed = seed, .threads = 1},
+  const Advice a = advise(level_runs(falling_by(shown)), {.samples = 1 << 16, .seed = seed, .threads = 1},
                           {.rates = Rates{declared, 1}});
   REQUIRE(a.usable());
   REQUIRE(a.exponent.decay == Decay::geometric);
@@ -42,6 +42,40 @@ TEST_CASE("levels that fall faster than declared get a tail of finite variance b
         CHECK(exponent < declared);
       }
     }
+  }
+}
+
+TEST_CASE("options of a recipe that contradict each other are refused, in the caller's words", "[recipe][exact]") {
+  const auto refusal = [](const RecipeOptions& options) {
+    return [options] { (void)advise(level_runs(falling_by(3)), {.samples = 4096, .threads = 1}, options); };
+  };
+  CHECK_THROWS_WITH(refusal({.lowest_base = -1})(), Catch::Contains("lowest_base = -1"));
+  CHECK_THROWS_WITH(refusal({.lowest_base = 4, .base_level = 1})(),
+                    Catch::Contains("base_level = 1 is below lowest_base = 4"));
+  CHECK_THROWS_WITH(refusal({.rates = Rates{std::nan(""), 1}})(), Catch::Contains("rates"));
+  const auto free = [](std::int64_t level, Stream& rng) {
+    const double u = rng.uniform();
+    return level == 0 ? base(u, 0.0) : coupled(u, u / 2, 1.0);
+  };
+  CHECK_THROWS_WITH(advise(level_runs(free), {.samples = 4096, .threads = 1}, RecipeOptions{}),
+                    Catch::Contains("level 0 states no work"));
+}
+
+TEST_CASE("a relative goal is planned by the mean that all levels tell", "[recipe][goal][statistical]") {
+  // Of the deepest level alone it is 1 +- 3: goals were planned by 0.1 or by 3.
+  const auto noisy = [](std::int64_t level, Stream& rng) {
+    const double z = 10 * rng.normal();
+    const double e = rng.exponential();
+    const auto of = [&](std::int64_t k) { return 1 + z + std::exp2(static_cast<double>(-k)) * (3 * e - 1); };
+    const double work = std::exp2(static_cast<double>(level));
+    return level == 0 ? base(of(0), work) : coupled(of(level), of(level - 1), work);
+  };
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const auto r = estimate(recipe(noisy, {.points = Points::plain}),
+                            {.seed = seed, .threads = 1, .goal = {.relative_error = 0.1}});
+    CAPTURE(seed, r.samples, r.mean, r.standard_error);
+    CHECK(r.standard_error < 0.2);
+    CHECK(r.standard_error > 0.04);
   }
 }
 
