@@ -22,9 +22,10 @@ refused() {
 seq 1000 > numbers
 diagnosed 0 numbers
 check "the count" has '^values *1000$' out
-check "the mean" has '^mean *500.5(9.1)' out
+check "the mean, of values that a trend ties together" has '^mean *500(160)' out
+check "which is said" has '^warning *values depend on their neighbours: the standard error is [0-9.]* times' out
 check "one line of verdict" same "$(grep -c '^verdict *variance finite' out)" 1
-check "no more than the file, how it was read, values, mean and verdict" same "$(lines out)" 5
+check "no more than the file, how it was read, values, mean, verdict and doubt" same "$(lines out)" 6
 diagnosed 0 numbers --full
 check "the count, in full" has '^values *1000$' out
 check "both tails are light" same "$(grep -c 'tail *k = -' out)" 2
@@ -46,10 +47,10 @@ check "-o writes nothing else" same "$(lines out)" 0
 # ---- columns
 { echo 'index,"a, b",flux'; seq 1000 | sed 's/.*/7,"x,y", & /'; } > table.csv
 diagnosed 0 table.csv --column flux
-check "a column by name" has '^mean *500.5' out
+check "a column by name" has '^mean *500(160)' out
 check "the column is named" has 'column flux' out
 diagnosed 0 table.csv --column 3
-check "a column by number" has '^mean *500.5' out
+check "a column by number" has '^mean *500(160)' out
 refused 2 "3 columns.*index, a, b, flux" table.csv
 refused 2 "column 'fluxx' (no such name: index, a, b, flux); .*--column" table.csv --column fluxx
 refused 2 "column '4' (a number from 1 to 3" table.csv --column 4
@@ -58,7 +59,7 @@ diagnosed 5 table.csv --column 2 2> /dev/null
 check "a column of words has no value" has "1000 bad rows; row 2: 'x,y'" err
 { printf '\357\273\277value\r\n'; seq 1000 | sed 's/$/\r/'; } > windows.csv
 diagnosed 0 windows.csv
-check "byte order mark and carriage returns" has '^mean *500.5' out
+check "byte order mark and carriage returns" has '^mean *500(160)' out
 check "a header alone names the column" has 'column value' out
 { seq 1000; echo; echo; } > trailing
 diagnosed 0 trailing
@@ -178,13 +179,13 @@ check "cutoffs have the scale" has '"cutoff": .*e+200' out
 for scale in 1e200 1e-200 1e-300; do
   chain $scale > chain
   diagnosed 0 chain.1 --full
-  grep -o 'blocks is [0-9.]* times' out > wanted
+  grep -o 'error is [0-9.]* times' out > wanted
   grep -o 'k = .*' out >> wanted
   diagnosed 0 chain --full
-  grep -o 'blocks is [0-9.]* times' out > got
+  grep -o 'error is [0-9.]* times' out > got
   grep -o 'k = .*' out >> got
   check "a chain times $scale is judged as the chain itself" cmp wanted got
-  check "a width in numbers: $scale" has 'times as wide' out
+  check "a width in numbers: $scale" has 'times that of independent' out
   check "no nan of a chain times $scale" lacks 'nan' out
 done
 awk 'BEGIN { s = 1; for (i = 0; i < 3000; ++i) { s = (s * 16807) % 2147483647; printf "%.3fe%d\n", 1 + s / 1e10, s % 601 - 300 } }' > span
@@ -192,16 +193,33 @@ diagnosed 0 span
 check "values from 1e-300 to 1e300" has '^values *3000' out
 check "no nan of them" lacks '[^a-z]nan\|[^a-z]inf[^i]' out
 
+# ---- values that depend on their neighbours: an error that fits the interval, and a word, however few blocks there are
+for rho in 0.8 0.9 0.95; do
+  for n in 1000 2000 4000; do
+    awk -v rho=$rho -v n=$n 'BEGIN { srand(7); for (i = 0; i < n; ++i) {
+      x = rho * x + sqrt(-2 * log(1 - rand())) * cos(6.283185307179586 * rand()); print x } }' > tied
+    diagnosed 0 tied --json
+    # 1 / (1 - rho) / sqrt(n) is the error; single values say sqrt((1 - rho) / (1 + rho)) times as much
+    awk -F '[:,]' -v rho=$rho -v n=$n '/"standard_error":/ && !seen++ { r = $2 * (1 - rho) * sqrt(n)
+      exit !(r > 0.4 && r < 2.5) }' out && fits=1 || fits=0
+    check "the error of a chain of $rho, $n values" [ $fits = 1 ]
+    check "and its word" has '"code": "dependence"' out
+  done
+done
+seq 1000 | awk 'BEGIN { srand(5) } { print rand() }' > free
+diagnosed 0 free
+check "none of independent values" lacks 'neighbours' out
+
 # ---- the first row
 { echo 0; seq 1001 1100; } > zero
 diagnosed 0 zero
 check "a header of digits is doubted" has "^warning *row 1, '0', was taken as values.*--no-header" out
 diagnosed 0 zero --header
 check "and is one where it is said to be" has '^values *100$' out
-check "without a doubt" lacks '^warning' out
+check "without a doubt" lacks '^warning *row' out
 diagnosed 0 zero --no-header
 check "or none" has '^values *101$' out
-check "nor here" lacks '^warning' out
+check "nor here" lacks '^warning *row' out
 refused 5 "--no-header" zero --strict
 refused 2 "--header and --no-header" zero --header --no-header
 printf 'NA\n1\n2\n3\n' > missing

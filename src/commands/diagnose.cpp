@@ -17,20 +17,7 @@ namespace {
 
 std::string figure_or_dash(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
 
-// Neighbours that resemble each other make the means of blocks scatter more than single values say.
-void judge_blocks(Diagnosis& d) {
-  constexpr double limit = 1.5;
-  constexpr std::size_t fewest_blocks = 32;
-  if (d.block_means.size() < fewest_blocks || d.block_length < 2) return;
-  const double ratio = (d.block_interval.high - d.block_interval.low) / (d.interval.high - d.interval.low);
-  if (!(ratio >= limit)) return;
-  d.warnings.push_back(
-      {WarningCode::dependence,
-       "the interval by blocks is " + rounded(ratio, 2) + " times as wide (threshold " + rounded(limit) +
-           "): values depend on their neighbours, so the standard error is too small; take the blocks."});
-}
-
-// An interval that allows for it, and a word where the values alternate.
+// Values that depend on their neighbours: an error that allows for it, or a word where they alternate.
 void judge_dependence(Diagnosis& d) {
   const Dependence dependence = dependence_of(d.block_means, d.block_length, d.moments);
   if (!dependence.matters()) return;
@@ -41,8 +28,12 @@ void judge_dependence(Diagnosis& d) {
     return;
   }
   d.interval = interval_with(d.moments.mean, dependence.standard_error, dependence.degrees);
-  d.interval_error = dependence.standard_error;
+  d.standard_error = dependence.standard_error;
   d.interval_degrees = dependence.degrees;
+  d.warnings.push_back(
+      {WarningCode::dependence, "values depend on their neighbours: the standard error is " +
+                                    rounded(dependence.standard_error / d.moments.standard_error(), 2) +
+                                    " times that of independent values, and the interval allows for it."});
   // The verdict then says that the interval is not reliable.
   d.verdict.degrees = dependence.known() ? dependence.degrees : std::min(dependence.degrees, 4.0);
 }
@@ -261,14 +252,11 @@ void judge(Diagnosis& d) {
   }
   if (d.nonfinite > 0 || d.moments.count < 2) return;
   d.interval = interval_of(d.moments);
-  d.interval_error = d.moments.standard_error();
+  d.standard_error = d.moments.standard_error();
   d.interval_degrees = static_cast<double>(d.moments.count - 1);
   if (d.block_means.size() > 1) d.block_interval = batch_interval(d.block_means);
   d.verdict = judge(d.moments, d.upper_tail, d.lower_tail);
-  if (d.moments.m2 > 0) {
-    judge_blocks(d);
-    judge_dependence(d);
-  }
+  if (d.moments.m2 > 0) judge_dependence(d);
   const auto values = std::span<const double>(d.block_means);
   if (values.size() >= 24) {
     d.robust = median_of_means(values);
@@ -276,7 +264,7 @@ void judge(Diagnosis& d) {
   }
   for (TailIndex* tail : {&d.verdict.upper, &d.verdict.lower}) tail->cutoff = std::ldexp(tail->cutoff, d.scale);
   d.interval = scaled(d.interval, d.scale);
-  d.interval_error = std::ldexp(d.interval_error, d.scale);
+  d.standard_error = std::ldexp(d.standard_error, d.scale);
   d.block_interval = scaled(d.block_interval, d.scale);
 }
 

@@ -39,9 +39,8 @@ struct Diagnosis {
   std::vector<double> upper_tail;
   std::vector<double> lower_tail;
   double mean = 0;
-  double standard_error = 0;  ///< NaN of one value
+  double standard_error = 0;  ///< allows for values that depend on their neighbours; NaN of one value
   Interval interval;
-  double interval_error = 0;    ///< the standard error that it allows for, in the unit of the values
   double interval_degrees = 0;  ///< of its Student's t; 0 without an interval
   std::vector<double> block_means;
   std::int64_t block_length = 1;
@@ -55,7 +54,7 @@ struct Diagnosis {
   std::vector<Warning> warnings;
 };
 
-/// The interval of a diagnosis at another level, from its mean, interval_error and interval_degrees.
+/// The interval of a diagnosis at another level, from its mean, standard_error and interval_degrees.
 Interval interval_at(double confidence, double mean, double error, double degrees);
 
 /// Everything that is remembered of the values, in blocks.

@@ -41,7 +41,7 @@ class Diagnostician {
   /// The report, and of what its interval is made: standard error and degrees of freedom, 0 where there is none.
   py::tuple finish(const std::string& name) {
     const commands::Diagnosis d = diagnosis(name);
-    return py::make_tuple(as_objects(d), py::make_tuple(d.interval_error, d.interval_degrees));
+    return py::make_tuple(as_objects(d), py::make_tuple(d.standard_error, d.interval_degrees));
   }
 
  private:
