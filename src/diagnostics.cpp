@@ -24,8 +24,10 @@ double exponent_beside(const Rates& rates, const TailExponent& pmf) {
 double tail_index(const Rates& rates, double rho) {
   if (std::isnan(rates.variance_decay)) return rates.variance_decay;
   if (std::isinf(rates.variance_decay)) return 0;
-  if (std::isinf(rho)) return 1;  // the limit of both formulas
   const double half = rates.variance_decay / 2;
+  if (std::isinf(rho)) {  // the limit of both formulas, from below where sum E|D_k| converges: then the mean is finite
+    return half > (rates.decay == Decay::geometric ? 0 : 1) ? std::nextafter(1.0, 0.0) : 1;
+  }
   const double xi = rates.decay == Decay::geometric ? 1 - half / rho : (rho - half) / (rho - 1);
   return rho > 0 ? std::max(0.0, xi) : 0.0;
 }

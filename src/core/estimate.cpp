@@ -130,7 +130,7 @@ void add_warnings(Statistics& s) {
   constexpr double least_square = 1e-290;  // below, squares lose their digits
   if ((highest - lowest) * (highest - lowest) < least_square) {
     warn(WarningCode::square_underflow,
-         "squares of the deviations underflow, so the standard error is too small; scale the values.");
+         "squares of the deviations underflow, so the standard error may be too small; scale the values.");
     return;
   }
   if (!(s.moments.m2 > 0)) return;

@@ -50,16 +50,17 @@ void require_reach(const Reach& reach, std::int64_t samples) {
   }
   text += " (the chance that one of them needs " + deepest + " is " + percent(chance) + " under " +
           (reach.pmf.empty() ? "this PMF" : reach.pmf) + ", and 0.1 % is allowed); ";
-  text += most_samples > 0  ? "take at most " + std::to_string(most_samples) + " samples"
-          : reach.block > 1 ? "not even one block can be drawn"
-                            : "not even one sample can be drawn";
+  text += most_samples > 0  ? "take at most " + std::to_string(most_samples) + " samples, or "
+          : reach.block > 1 ? "not even one block can be drawn; take "
+                            : "not even one sample can be drawn; take ";
   if (!other.pmf.empty()) {
-    text += ", or the PMF " + other.pmf;
+    text += "the PMF " + other.pmf;
     if (reach.rates) {
       const double bound = finite_exponents(*reach.rates).high;
       const bool same_kind = reach.rates->decay == reach.decay;
       if (!same_kind || !(other.exponent < bound)) {
-        text += " (whose variance is infinite by the declared rates: fewer samples or a lower base level are better)";
+        text += " (whose variance is infinite by the declared rates), or better " +
+                std::string(most_samples > 0 ? "fewer samples or " : "") + "a lower base level";
       } else {
         text += " (whose variance is finite by the declared rates, and larger)";
       }
@@ -67,7 +68,7 @@ void require_reach(const Reach& reach, std::int64_t samples) {
       text += " (whose variance is finite if E D_k^2 falls faster, and larger)";
     }
   } else {
-    text += ", or a lower base level";
+    text += "a lower base level";
   }
   throw UndrawableError(text, reach.deepest, chance, most_samples, other.pmf);
 }

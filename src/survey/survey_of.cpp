@@ -196,6 +196,7 @@ class Conclusion {
     double worst = 0;
     std::int64_t where = 0;
     std::int64_t unknown = -1;  // the deepest level without a comparison
+    const bool squares_vanish = scale_ * scale_ < 1e-290;
     for (std::size_t i = 1; i < rows.size(); ++i) {
       SurveyRow& row = rows[i];
       if (rows[i - 1].level + 1 != row.level || rows[i - 1].level < survey_.evidence.lowest_base) continue;
@@ -204,7 +205,7 @@ class Conclusion {
         const double gap = row.coarse[c].mean - below.mean;
         const double rounding = 1e-12 * (scale_ + std::abs(below.mean));
         const double z = gap / std::max(std::hypot(row.coarse[c].standard_error, below.standard_error), rounding);
-        if (!std::isfinite(z)) {  // values that are not finite, or their squares
+        if (!std::isfinite(z) || (gap != 0 && squares_vanish)) {  // values that are not finite, or their squares
           unknown = row.level;
           continue;
         }
@@ -218,7 +219,7 @@ class Conclusion {
       remark(
           WarningCode::coupling_unchecked,
           "values of level " + std::to_string(unknown) +
-              ", or of the level below, have no finite mean or variance in these draws: their coupling is not checked");
+              ", or of the level below, have a mean or a variance that no double holds: their coupling is not checked");
     }
     if (worst <= 4.5) return;
     remark(WarningCode::coupling,
