@@ -10,7 +10,7 @@ file alone (not DEBIAS_UNITY): cmake --preset mutants && cmake --build --preset 
     python3 tests/mutants.py --check              the list alone: each line stands exactly once, each test exists (a second)
 
 Options: --list FILE (default: tests/mutants.txt), --minutes M (starts no fault after them).
-KILLED: a named case fails, crashes or takes ten times the processor time that it takes on the sound code. SURVIVED: all pass.
+KILLED: a named case fails, crashes or takes a minute and three times the processor time that it takes on the sound code. SURVIVED: all pass.
 Named cases that fail on the sound code are an error, as is a fault that does not compile. Outcomes are kept in
 BUILD/mutants/outcomes.json and hold as long as include, src, the fault and its test files have not changed.
 """
@@ -185,7 +185,7 @@ def judge(m, build, baselines, code_print):
         if code != 0:
             raise Broken(f"{m['name']}: the cases {cases} of {' '.join(tests)} do not pass without it: {first_failure(text) or text[-300:]}")
         baselines[key] = used
-    limit = max(20.0, 10 * baselines[key])
+    limit = max(60.0, 3 * baselines[key])
     (build.tree / m["file"]).write_text(faulty_text(m))
     try:
         in_source = m["file"].endswith(".cpp")
