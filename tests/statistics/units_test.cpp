@@ -122,3 +122,13 @@ TEST_CASE("survey and multilevel in any unit find the same rates and take the sa
     CHECK(m.error() / unit == Approx(all.error()).epsilon(1e-6));
   }
 }
+
+TEST_CASE("a coupling is not called wrong where squares vanish or overflow", "[survey][evidence][exact]") {
+  for (const double unit : {1e-145, 1e-150, 1e-155, 1e-160, 1e-165, 1e-170, 1e-200, 1e-250, 1e150, 1e160, 1e200}) {
+    CAPTURE(unit);
+    for (const Warning& w : survey(Rare{unit}, 6, {.samples = 1 << 12}).remarks) {
+      CAPTURE(w.text);
+      CHECK(w.code != WarningCode::coupling);
+    }
+  }
+}
