@@ -474,3 +474,18 @@ TEST_CASE("a named estimator is the same estimator, with all that it offers", "[
   CHECK(trace(mine, 1, 7).sample.value == trace(plain, 1, 7).sample.value);
   CHECK_THROWS_WITH(named("", plain), Contains("an empty name"));
 }
+
+TEST_CASE("sides of a coupling merge to the moments of all their values", "[core][coupling][exact]") {
+  CouplingSide a;
+  a.count = 3;
+  a.mean = 1;
+  a.m2 = 2;
+  CouplingSide b;
+  b.count = 5;
+  b.mean = 5;
+  b.m2 = 7;
+  a.merge(b);
+  CHECK(a.count == 8);
+  CHECK(a.mean == 3.5);
+  CHECK(a.m2 == 2 + 7 + 16 * 15.0 / 8);
+}

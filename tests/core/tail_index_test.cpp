@@ -305,3 +305,16 @@ TEST_CASE("a fit asks for five exceedances, most of them positive", "[tail_index
   CHECK_THROWS_AS(fit_pareto(std::vector<double>{0, 0, 0, 0, 1}), std::invalid_argument);
   CHECK_NOTHROW(fit_pareto(std::vector<double>{1, 2, 3, 4, 5}));
 }
+
+TEST_CASE("the error of k is no less than that of a Pareto law, (1 + k) / sqrt(values)", "[tail_index][exact]") {
+  for (const double k : {0.5, 1.0, 1.5}) {
+    std::vector<double> x;
+    constexpr int n = 4096;
+    for (int i = 1; i <= n; ++i) x.push_back(std::pow(static_cast<double>(n + 1) / i, k));  // quantiles, descending
+    x.resize(1024);
+    const TailIndex t = tail_index(x, n, 0);
+    CAPTURE(k, t.k, t.error, t.values);
+    REQUIRE(t.k > 0.8 * k);
+    CHECK(t.error * std::sqrt(static_cast<double>(t.values)) > 0.97 * (1 + t.k));
+  }
+}

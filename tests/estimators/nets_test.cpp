@@ -316,3 +316,23 @@ TEST_CASE("nets of what they cannot be made of are refused", "[nets][exact]") {
   refused(drawn(Dyadic({28}, 1.25)), (1 << 28) + 1, Strata::residual, "134217728 points");
   CHECK_THROWS_WITH(stratified(drawn(dyadic), 64, Strata::residual), Catch::Contains("take pmf.block()"));
 }
+
+TEST_CASE("the variance of a block of one level is that of a scrambled net, 1 / (12 n^3) for a line", "[nets][exact]") {
+  const auto line = [](std::int64_t level, Stream& rng) {
+    const double u = rng.uniform();
+    return level == 0 ? base(u) : coupled(u, u);
+  };
+  for (const int m : {1, 3, 6}) {
+    const Dyadic pmf({m}, 1.25);
+    const auto e =
+        stratified(single_term(line, pmf, {.base = Base::one_outcome}), pmf.block(), Strata::residual, Points::nets);
+    constexpr std::int64_t blocks = 4096;
+    const auto r = estimate(e, {.samples = blocks * pmf.block(), .seed = 7, .threads = 1});
+    const double n = std::exp2(m);
+    const double expected = 1 / (12 * n * n * n);
+    const double variance = r.standard_error * r.standard_error * blocks;
+    CAPTURE(m, variance, expected);
+    // The mean of n uniform numbers, one a stratum, has kurtosis 3 - 1.2 / n.
+    CHECK(std::abs(variance / expected - 1) < 4.5 * std::sqrt(2.0 / blocks));
+  }
+}

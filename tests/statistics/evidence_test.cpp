@@ -386,3 +386,29 @@ TEST_CASE("two levels that vote are believed without a course", "[evidence][exac
   const std::vector<Believed> b = believed(e, 2);
   for (std::size_t k = 1; k <= 2; ++k) CHECK(b[k].log2_second == Approx(std::log2(e.facts[k].second_moment)));
 }
+
+TEST_CASE("a fourth moment counts how rare the differences are", "[evidence][exact]") {
+  // E D_k^4 / p_k^3 is 2^(-6k + rarity k + 5.4 k).
+  const auto diverges = [](double rarity) {
+    Table t{.levels = 7, .b = [](double k) { return -3 * k; }, .draws = 1 << 20};
+    t.kappa = [rarity](double k) { return 3 * std::exp2(rarity * k); };
+    return fourth_moment_diverges(weigh(t.facts()), geometric(1.8));
+  };
+  CHECK(diverges(0) < 0.1);
+  CHECK(diverges(1.6) > 0.9);
+}
+
+TEST_CASE("a few noisy levels that fall like a power of 2 are not read as a power of the level", "[evidence][exact]") {
+  double share = 0;
+  constexpr int seeds = 40;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    Table t{.levels = 4, .work = [](double) { return 1.0; }, .draws = 256};
+    t.b = [](double k) { return -1.5 * k; };
+    t.seed = static_cast<std::uint64_t>(seed);
+    const Evidence e = weigh(t.facts());
+    REQUIRE(!e.courses.empty());
+    const auto powers = std::count_if(e.courses.begin(), e.courses.end(), [](const Course& c) { return c.polynomial; });
+    share += static_cast<double>(powers) / static_cast<double>(e.courses.size()) / seeds;
+  }
+  CHECK(share < 0.35);
+}

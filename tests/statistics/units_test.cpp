@@ -126,7 +126,12 @@ TEST_CASE("survey and multilevel in any unit find the same rates and take the sa
 TEST_CASE("a coupling is not called wrong where squares vanish or overflow", "[survey][evidence][exact]") {
   for (const double unit : {1e-145, 1e-150, 1e-155, 1e-160, 1e-165, 1e-170, 1e-200, 1e-250, 1e150, 1e160, 1e200}) {
     CAPTURE(unit);
-    for (const Warning& w : survey(Rare{unit}, 6, {.samples = 1 << 12}).remarks) {
+    const auto levels = [unit](std::int64_t level, Stream& rng) {
+      const double x = unit * (1 + rng.normal());
+      const auto of = [](std::int64_t k) { return 2 - std::exp2(static_cast<double>(-k)); };
+      return level == 0 ? base(x) : coupled(x * of(level), x * of(level - 1));
+    };
+    for (const Warning& w : survey(levels, 6, {.samples = 1 << 12}).remarks) {
       CAPTURE(w.text);
       CHECK(w.code != WarningCode::coupling);
     }
