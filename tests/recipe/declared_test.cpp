@@ -89,3 +89,14 @@ TEST_CASE("levels that fall more slowly than declared get a tail of what they sh
     }
   }
 }
+
+TEST_CASE("an advice has the members that its variance asks for", "[recipe][goal][exact]") {
+  for (const double error : {0.03, 0.01}) {
+    const Advice a = advise(level_runs(falling_by(3)), {.seed = 2, .threads = 1, .goal = {.error = error}},
+                            {.points = Points::plain});
+    CAPTURE(error, a.members, a.predicted.variance);
+    const double asked = a.predicted.variance / (error * error);
+    CHECK(static_cast<double>(a.members) > 0.9 * asked);
+    CHECK(static_cast<double>(a.members) < 2 * asked);
+  }
+}
