@@ -191,11 +191,10 @@ class Reader {
     if (slash == std::string::npos) {
       throw std::invalid_argument("--shard = '" + t + "' (must be I/N); write 1/4 for the first of four");
     }
-    Shard s;
-    s.of = static_cast<std::int64_t>(parse_count(t.substr(slash + 1), "--shard, N", 1, Shard::most));
-    s.index =
-        static_cast<std::int64_t>(parse_count(t.substr(0, slash), "--shard, I", 1, static_cast<std::uint64_t>(s.of)));
-    x = s;
+    const auto part = [](const std::string& number, const char* name) {
+      return static_cast<std::int64_t>(parse_count(number, name, 0, static_cast<std::uint64_t>(most)));
+    };
+    x = Shard{part(t.substr(0, slash), "--shard, I"), part(t.substr(slash + 1), "--shard, N")};
   }
 
  private:

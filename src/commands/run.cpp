@@ -49,6 +49,25 @@ Node describe_goal(const Statistics& s) {
   return Fields{{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
 }
 
+std::string text_of(const Shard& shard) {
+  return "'" + std::to_string(shard.index) + "/" + std::to_string(shard.of) + "'";
+}
+
+// Before anything is drawn: is there such a part, and of samples that are known?
+void check_shard(const RunRequest& r) {
+  if (!r.shard) return;
+  const auto [i, n] = *r.shard;
+  if (n < 1 || n > Shard::most || i < 1 || i > n) {
+    throw BadRequest({Field{"shard"}, " = " + text_of(*r.shard) +
+                                          " (must be one of 1/n, 2/n, ... n/n, with n from 1 to " +
+                                          std::to_string(Shard::most) + "); 1/4 is the first of four"});
+  }
+  if (r.sampling.goal.asked()) {
+    throw BadRequest(
+        {Field{"shard"}, " (a goal fixes the samples late, and shards share them); write ", Field{"samples"}});
+  }
+}
+
 RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, std::int64_t block) {
   const std::int64_t samples = debias::detail::whole_blocks(asked, block);
   if (!shard) return {0, samples};
@@ -59,9 +78,9 @@ RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, 
     return k == n ? samples : (chunks / n * k + std::min(chunks % n, k)) * chunk;
   };
   if (cut(i - 1) < cut(i)) return {cut(i - 1), cut(i)};
-  throw BadRequest({Field{"shard"}, " = '" + std::to_string(i) + "/" + std::to_string(n) + "' (" +
-                                        std::to_string(samples) + " samples are only " + std::to_string(chunks) +
-                                        " chunks of " + std::to_string(chunk) + "); take fewer shards"});
+  throw BadRequest({Field{"shard"}, " = " + text_of(*shard) + " (" + std::to_string(samples) + " samples are only " +
+                                        std::to_string(chunks) + " chunks of " + std::to_string(chunk) +
+                                        "); take fewer shards"});
 }
 
 // The shape that names a choice, with nothing left to what is declared or to a pilot.
@@ -77,10 +96,7 @@ Shape shape_of(const catalog::Choice& choice) {
 
 RunRequest settled(const RunRequest& request) {
   RunRequest r = request;
-  if (r.shard && r.sampling.goal.asked()) {
-    throw BadRequest(
-        {Field{"shard"}, " (a goal fixes the samples late, and shards share them); write ", Field{"samples"}});
-  }
+  check_shard(r);
   const Plan plan = plan_of(r.sampling);
   if (r.shape.by_recipe()) {
     recipe_of(r.shape, *r.problem);
@@ -93,6 +109,7 @@ RunRequest settled(const RunRequest& request) {
 }
 
 RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earlier, const SaveRun& save) {
+  check_shard(request);
   const catalog::Problem& problem = *request.problem;
   const bool by_recipe = request.shape.by_recipe();
   catalog::Choice choice;

@@ -111,6 +111,20 @@ TEST_CASE("a run that is kept half way and extended has the bits of the whole", 
   CHECK(refusal([&] { extended({.kept = kept, .samples = 100}); }).find("none is thrown away") != std::string::npos);
 }
 
+// Shard 3 of 2 drew samples outside the run, and 1 of 0 divided by zero, where a door did not look itself.
+TEST_CASE("a shard that does not exist is refused, whoever asks", "[commands][exact]") {
+  const auto most = std::numeric_limits<std::int64_t>::max();
+  for (const Shard shard : {Shard{3, 2}, Shard{0, 2}, Shard{-1, 2}, Shard{1, 0}, Shard{1, -2}, Shard{-1, -1},
+                            Shard{1, Shard::most + 1}, Shard{most, most}, Shard{-most - 1, -most - 1}}) {
+    const RunRequest asked{.problem = &problem(), .sampling = {.samples = 20'000}, .shard = shard};
+    INFO(shard.index << "/" << shard.of);
+    CHECK_THAT(refusal([&] { run(asked); }), Catch::StartsWith("shard = '") && Catch::Contains("must be one of 1/n"));
+    CHECK_THAT(refusal([&] { settled(asked); }), Catch::Contains("must be one of 1/n"));
+  }
+  const RunRequest to_a_goal{.problem = &problem(), .sampling = {.goal = {.error = 0.1}}, .shard = Shard{1, 2}};
+  CHECK_THAT(refusal([&] { run(to_a_goal); }), Catch::StartsWith("shard (a goal fixes the samples late"));
+}
+
 TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
   RunRequest now;
   const RunReport report = run({.problem = &problem(),
