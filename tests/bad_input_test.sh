@@ -16,6 +16,15 @@ ended() {
 without_time() { grep -v -e '"seconds"' -e '"efficiency"' "$1"; }
 same_result() { without_time "$1" > left; without_time "$2" > right; cmp left right; }
 
+# ---- samples that a run has not
+for shard in 3/2 0/2 1/0 1/2000000; do
+  ended 2 "--shard = '$shard' (must be one of" run A10 --samples 20000 --shard $shard --checkpoint no-shard
+done
+check "nothing is kept of them" [ ! -e no-shard ]
+for command in run tradeoff; do
+  ended 2 'only 20000); take a smaller one' $command A10 --samples 20000 --block 1099511627776
+done
+
 # ---- files that are none
 mkdir folder
 ln -s loop loop

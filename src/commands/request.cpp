@@ -220,4 +220,12 @@ Plan plan_of(const Sampling& sampling) {
   return plan;
 }
 
+void check_block(const Shape& shape, std::int64_t samples) {
+  if (shape.block <= samples) return;
+  throw BadRequest({block_field,
+                    " = '" + std::to_string(shape.block) + "' (samples come in whole blocks, and are only " +
+                        std::to_string(samples) + "); take a smaller one, or more ",
+                    samples_field});
+}
+
 }  // namespace debias::commands

@@ -94,5 +94,7 @@ struct Sampling {
 };
 /// Throws BadRequest for two goals, or for a goal and samples.
 Plan plan_of(const Sampling& sampling);
+/// Throws BadRequest for a block that is asked for and holds more than all the samples, which would be rounded up to it.
+void check_block(const Shape& shape, std::int64_t samples);
 
 }  // namespace debias::commands

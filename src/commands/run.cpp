@@ -103,7 +103,7 @@ RunRequest settled(const RunRequest& request) {
   } else {
     r.shape = shape_of(choice_of(r.shape, *r.problem));
   }
-  if (!plan.goal.asked()) r.sampling.samples = plan.samples;
+  if (!plan.goal.asked()) r.sampling.samples = std::max(plan.samples, r.shape.block);
   range_of(r.shard, plan.samples, r.shape.block);
   return r;
 }
@@ -113,6 +113,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   const catalog::Problem& problem = *request.problem;
   const bool by_recipe = request.shape.by_recipe();
   catalog::Choice choice;
+  if (!plan.goal.asked()) check_block(r.shape, plan.samples);
   RecipeOptions options;
   by_recipe ? void(options = recipe_of(request.shape, problem)) : void(choice = choice_of(request.shape, problem));
   Plan plan = plan_of(request.sampling);
@@ -132,6 +133,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
     plan = debias::detail::plan_of(plan, *advice);
   }
 
+  if (!goal.asked() && !by_recipe && !earlier.sums) check_block(request.shape, plan.samples);
   RunRequest now = request;
   if (advice) now.shape = shape_of(choice);
   if (earlier.sums) {
@@ -154,6 +156,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
       }
       save(now, sums);
     };
+    plan.samples = std::max(plan.samples, choice.block);  // one block at least, where the request names none
   }
   total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   const DeclaredFiniteness verdict = verdict_of(problem, choice);

@@ -93,6 +93,7 @@ TradeoffReport tradeoff(const TradeoffRequest& request, const Caller& caller) {
   const catalog::Problem& problem = *request.problem;
   const std::int64_t count = request.points;
   const catalog::Choice shape = sweep_of(request.shape, problem);
+  check_block(request.shape, request.samples);
   Plan plan{.samples = request.samples, .seed = request.seed, .threads = request.threads};
   std::string what = "pilot";
   plan.progress = [&](std::int64_t done) {

@@ -125,6 +125,33 @@ TEST_CASE("a shard that does not exist is refused, whoever asks", "[commands][ex
   CHECK_THAT(refusal([&] { run(to_a_goal); }), Catch::StartsWith("shard (a goal fixes the samples late"));
 }
 
+// --samples 20000 --block 1099511627776 drew 10^12 samples: one block.
+TEST_CASE("a block of more than the samples is refused, but not one that a PMF or a recipe brings",
+          "[commands][exact]") {
+  const std::string why = "(samples come in whole blocks, and are only 1000); take a smaller one, or more samples";
+  for (const std::int64_t block : {std::int64_t{1} << 40, std::int64_t{1001}}) {
+    const RunRequest asked{.problem = &problem(), .shape = {.block = block}, .sampling = {.samples = 1000}};
+    const std::string refused = "block = '" + std::to_string(block) + "' " + why;
+    CHECK(refusal([&] { run(asked); }) == refused);
+    CHECK(refusal([&] { settled(asked); }) == refused);
+    CHECK(refusal([&] { tradeoff({.problem = &problem(), .shape = {.block = block}, .samples = 1000}); }) == refused);
+  }
+  CHECK(run({.problem = &problem(), .shape = {.block = 1000}, .sampling = {.samples = 1000}}).statistics.blocks == 1);
+
+  const commands::Estimator outcome{.method = catalog::Method::single_term_outcome};
+  const commands::Estimator by_recipe{.recipe = true};
+  const std::string dyadic = "dyadic:10,8,5;theta=1.25";
+  for (const Shape& shape : {Shape{.estimator = outcome, .pmf = AnyPmf::parse(dyadic), .points = Points::nets},
+                             Shape{.estimator = by_recipe}}) {
+    RunRequest asked{.problem = &problem(), .shape = shape, .sampling = {.samples = 1}};
+    RunRequest now;
+    const RunReport report = run(asked, {}, {}, [&](const RunRequest& kept, const RunState&) { now = kept; });
+    CHECK(now.sampling.samples == report.statistics.samples);
+    CHECK(run(now).statistics.components.front().mean == report.statistics.components.front().mean);  // not refused
+    CHECK(refusal([&] { run(settled(asked)); }) == "accepted");
+  }
+}
+
 TEST_CASE("what a recipe has chosen is what is kept of it", "[commands][exact]") {
   RunRequest now;
   const RunReport report = run({.problem = &problem(),
