@@ -210,8 +210,9 @@ std::string rates_text(const MeasuredRates& m) {
 std::ostream& operator<<(std::ostream& out, const Survey& survey) {
   std::vector<std::vector<std::string>> rows = {{"level", "draws", "E I", "E D", "+-", "E D^2", "work", ""}};
   for (const SurveyRow& r : survey.rows) {
-    rows.push_back({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean),
-                    number("%.4g", r.difference), number("%.2g", r.difference_error), number("%.3g", r.second_moment),
+    rows.push_back({std::to_string(r.level), std::to_string(r.draws), figure_of(r.mean, std::sqrt(r.variance), 5, 11),
+                    figure_of(r.difference, std::sqrt(r.difference_variance), 4, 11),
+                    number("%.2g", r.difference_error), number("%.3g", r.second_moment),
                     number("%.4g", r.difference_work), mark_of(r)});
   }
   print_table(out, rows, {5, 9, 11, 11, 9, 9, 9});
@@ -227,10 +228,11 @@ void print_full(std::ostream& out, const Survey& survey) {
   std::vector<std::vector<std::string>> rows = {
       {"level", "draws", "E I", "Var I", "E D", "+-", "E D^2", "kurtosis", "z", "work", "us", ""}};
   for (const SurveyRow& r : survey.rows) {
-    rows.push_back({std::to_string(r.level), std::to_string(r.draws), number("%.5g", r.mean),
-                    number("%.3g", r.variance), number("%.4g", r.difference), number("%.2g", r.difference_error),
-                    number("%.3g", r.second_moment), number("%.3g", r.kurtosis), number("%.2f", r.consistency),
-                    number("%.4g", r.difference_work), number("%.3g", 1e6 * r.seconds), mark_of(r)});
+    rows.push_back({std::to_string(r.level), std::to_string(r.draws), figure_of(r.mean, std::sqrt(r.variance), 5, 11),
+                    number("%.3g", r.variance), figure_of(r.difference, std::sqrt(r.difference_variance), 4, 11),
+                    number("%.2g", r.difference_error), number("%.3g", r.second_moment), number("%.3g", r.kurtosis),
+                    number("%.2f", r.consistency), number("%.4g", r.difference_work), number("%.3g", 1e6 * r.seconds),
+                    mark_of(r)});
   }
   print_table(out, rows, {5, 9, 11, 9, 11, 9, 9, 8, 6, 9, 9});
   const MeasuredRates& m = survey.rates;

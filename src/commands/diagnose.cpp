@@ -71,14 +71,15 @@ std::string share_of_rows(const numbers::Report& r) {
 }
 
 /// What no double holds is said in words.
-std::string end_of(double x) {
+std::string end_of(double x, int digits) {
   if (std::isnan(x)) return "unknown";
   if (std::isinf(x)) return x > 0 ? "beyond 1.8e308" : "beyond -1.8e308";
-  return rounded(x, 8);
+  return rounded(x, digits);
 }
 
 std::string text_of(const Interval& interval) {
-  return "95 % interval [" + end_of(interval.low) + ", " + end_of(interval.high) + "]";
+  const int digits = digits_of_ends(interval.low, interval.high);
+  return "95 % interval [" + end_of(interval.low, digits) + ", " + end_of(interval.high, digits) + "]";
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "describe.hpp"
 #include "store.hpp"
+#include "core/words.hpp"
 #include "text.hpp"
 #include "validation/validation.hpp"
 
@@ -248,8 +249,8 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   full ? print_full(out, s) : void(out << s);
   if (run.interval.confidence != 0.95) {
     print_line(out, "interval",
-               rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, 8) + ", " +
-                   rounded(run.interval.high, 8) + "]");
+               rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, digits) + ", " +
+                   rounded(run.interval.high, digits) + "]");
   }
   if (!std::isnan(run.z)) {
     print_line(out, "truth", rounded(run.problem->truth, 15) + ", z = " + rounded(run.z, 3));
@@ -261,6 +262,7 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
   if (!run.advice) return;
   if (full) {
+    const int digits = digits_of_ends(run.interval.low, run.interval.high);
     print_full(out, *run.advice);
   } else {
     debias::detail::print_points(out, *run.advice);

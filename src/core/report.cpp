@@ -42,6 +42,8 @@ namespace {
 
 constexpr std::size_t largest_shown = 3;
 
+std::string with_digits(double x, int digits) { return format({std::chars_format::general, digits}, x); }
+
 class Printer {
  public:
   Printer(std::ostream& out, const Statistics& s)
@@ -82,10 +84,11 @@ class Printer {
       if (!left_out.empty()) return line("", left_out);
       const ComponentEstimate& c = s_.components[i];
       const Interval interval = s_.interval(verdict_, 0.95, i);
-      const std::string ends =
-          std::isfinite(c.mean) && std::isfinite(c.standard_error)
-              ? "   95 % interval [" + format("%.8g", interval.low) + ", " + format("%.8g", interval.high) + "]" + doubt
-              : "";
+      const int digits = digits_of_ends(interval.low, interval.high);
+      const std::string ends = std::isfinite(c.mean) && std::isfinite(c.standard_error)
+                                   ? "   95 % interval [" + with_digits(interval.low, digits) + ", " +
+                                         with_digits(interval.high, digits) + "]" + doubt
+                                   : "";
       line(i == 0 ? "mean" : "", with_error(c.mean, c.standard_error) + ends);
     });
   }
@@ -165,7 +168,8 @@ class Printer {
     for (std::size_t i = 0; i < s_.largest.size() && i < largest_shown; ++i) {
       const LargeSample& l = s_.largest[i];
       const std::string block = s_.block > 1 ? ", block " + std::to_string(l.index / s_.block) : "";
-      line(name, format("%.6g", l.value) + " (sample " + std::to_string(l.index) + block + ", level " +
+      const int digits = digits_of(l.value, std::sqrt(s_.moments.variance()), 6);  // about a mean far from zero
+      line(name, with_digits(l.value, digits) + " (sample " + std::to_string(l.index) + block + ", level " +
                      std::to_string(l.level) + ")");
       name = "";
     }
@@ -183,11 +187,14 @@ class Printer {
     const auto number = [](detail::NumberPattern pattern, double x) {
       return std::isfinite(x) ? format(pattern, x) : std::string("-");
     };
+    const auto mean = [](const LevelRow& r) {
+      return figure_of(r.mean, std::sqrt(r.second_moment - r.mean * r.mean), 4, 11);
+    };
     row({"level", "draws", "E D", "E D^2", "kurtosis", "work", "p", ""});
     for (const LevelRow& r : s_.levels) {
       const double kurtosis = r.second_moment > 0 ? r.kurtosis : std::numeric_limits<double>::quiet_NaN();
       row({std::to_string(r.level) + (r.last_level > r.level ? " - " + std::to_string(r.last_level) : ""),
-           std::to_string(r.count), number("%.4g", r.mean), number("%.4g", r.second_moment), number("%.3g", kurtosis),
+           std::to_string(r.count), mean(r), number("%.4g", r.second_moment), number("%.3g", kurtosis),
            number("%.4g", r.work), r.probability > 0 ? format("%.3g", r.probability) : "-", r.is_base ? "base" : ""});
     }
   }

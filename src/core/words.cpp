@@ -1,5 +1,7 @@
 #include "core/words.hpp"
 
+#include <algorithm>
+#include <charconv>
 #include <cmath>
 
 #include "core/text.hpp"
@@ -65,6 +67,25 @@ std::string moments_words(double highest) {
 std::string levels_words(std::int64_t first, std::int64_t last) {
   return first == last ? "level " + std::to_string(first)
                        : "levels " + std::to_string(first) + " to " + std::to_string(last);
+}
+
+int digits_of(double x, double unit, int least) {
+  constexpr int most = 17;  // all of a double
+  if (!(std::abs(x) > 0 && std::isfinite(x) && unit > 0 && std::isfinite(unit))) return least;
+  const double needed = std::floor(std::log10(std::abs(x))) - std::floor(std::log10(unit)) + 2;
+  return static_cast<int>(std::clamp<double>(needed, least, most));
+}
+
+int digits_of_ends(double low, double high) {
+  return digits_of(std::max(std::abs(low), std::abs(high)), high - low, 8);
+}
+
+std::string figure_of(double x, double unit, int least, std::size_t room) {
+  if (!std::isfinite(x)) return "-";
+  int digits = digits_of(x, unit, least);
+  const auto text = [&] { return format({std::chars_format::general, digits}, x); };
+  while (digits > least && text().size() > room) --digits;
+  return text();
 }
 
 void detail::print_ends(std::size_t n, const std::function<void(std::size_t i, const std::string& left_out)>& print) {

@@ -31,6 +31,13 @@ std::string moments_words(double highest);
 /// "level 3", "levels 1 to 9".
 std::string levels_words(std::int64_t first, std::int64_t last);
 
+/// As many significant digits as show x to two digits of `unit`, say its error; `least` at least, and where there is no unit.
+int digits_of(double x, double unit, int least);
+/// Those of the ends of an interval: eight, or two digits of the width of a narrow one.
+int digits_of_ends(double low, double high);
+/// x in a column of a table, with the digits of `digits_of` as far as there is room for them; "-" of what is not finite.
+std::string figure_of(double x, double unit, int least, std::size_t room);
+
 namespace detail {
 /// Calls print(i, "") for each of n components; of more than 16 only for three at either end, with a text between them that
 /// says how many are left out.

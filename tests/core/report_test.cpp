@@ -169,3 +169,17 @@ TEST_CASE("the whole report of a result without a name keeps it", "[report]") {
   const auto first_line = [](const std::string& all) { return all.substr(0, all.find('\n')); };
   CHECK(first_line(text.str()) == first_line(expected.str()));
 }
+
+// They were "[1e+08, 1e+08]" and "1e+06": the width was lost.
+TEST_CASE("far from zero intervals, largest samples and means of levels show where they are", "[report][exact]") {
+  Statistics s = made();
+  s.components = {{1e8, 1, 0.001}};
+  CHECK_THAT(text_of(s), Contains("95 % interval [99999999.99804, 100000000.002]"));
+  const auto far = [](std::int64_t level, Stream& rng) {
+    const double x = 1e6 + rng.normal();
+    return level == 0 ? base(x) : coupled(x, x);
+  };
+  const auto result = estimate(single_term(far, Geometric(0.6)), {.samples = 4000, .seed = 3});
+  const std::string text = text_of(full(result));
+  CHECK_THAT(text, !Contains("1e+06 ") && Contains("\nlargest       100000"));
+}

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <limits>
 #include <set>
 #include <string>
@@ -123,4 +124,26 @@ TEST_CASE("every code of a warning has a name of its own, in small letters", "[w
   CHECK(std::string(name_of(WarningCode::few_draws)) == "few_draws");
   CHECK(is_note(WarningCode::few_draws));
   CHECK_FALSE(is_note(WarningCode::coupling));
+}
+
+// 1e8 + a normal number had the interval [1e+08, 1e+08].
+TEST_CASE("the ends of an interval show two digits of its width", "[words][exact]") {
+  CHECK(digits_of_ends(0.7497948, 0.7502652) == 8);
+  CHECK(digits_of_ends(99999999.98, 100000000.02) == 12);
+  CHECK(digits_of_ends(-100000000.02, -99999999.98) == 12);
+  CHECK(digits_of_ends(1e-8, 1e8) == 8);
+  CHECK(digits_of_ends(1e20, 1.00000000004e20) == 13);
+  CHECK(digits_of_ends(1e20, std::nextafter(1e20, infinity)) == 17);
+  for (const double same : {0.0, 1.0, infinity, nan_value}) CHECK(digits_of_ends(same, same) == 8);
+  CHECK(digits_of_ends(-infinity, 1) == 8);
+  CHECK(digits_of(1e6, 1, 4) == 8);
+  CHECK(digits_of(0.12, 1, 4) == 4);
+  CHECK(digits_of(0, 1, 4) == 4);
+  CHECK(digits_of(1e300, 1e-300, 4) == 17);
+  CHECK(figure_of(1e6 + 0.25, 1, 4, 11) == "1000000.2");
+  CHECK(figure_of(1e6 + 0.25, 1e-9, 4, 11) == "1000000.25");
+  CHECK(figure_of(1e9 / 3, 1e-9, 4, 11) == "333333333.3");
+  CHECK(figure_of(-1e-9 / 3, 1e-19, 4, 11) == "-3.3333e-10");
+  CHECK(figure_of(0.12346, 1, 4, 11) == "0.1235");
+  CHECK(figure_of(nan_value, 1, 4, 11) == "-");
 }
