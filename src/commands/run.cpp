@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <ostream>
 #include <string_view>
+#include <vector>
 
 #include <debias/core/estimator.hpp>
 
+#include "core/words.hpp"
 #include "describe.hpp"
 #include "store.hpp"
-#include "core/words.hpp"
 #include "text.hpp"
 #include "validation/validation.hpp"
 
@@ -48,6 +50,18 @@ Node describe_goal(const Statistics& s) {
   if (!g.asked()) return "samples";
   const char* name = g.error > 0 ? "error" : (g.relative_error > 0 ? "relative_error" : "seconds");
   return Fields{{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
+}
+
+// What the text says: the doubts of the samples, and those of the recipe that they do not repeat.
+std::vector<Warning> warnings_of(const RunReport& run) {
+  std::vector<Warning> all = run.statistics.warnings;
+  if (!run.advice) return all;
+  const auto repeated = [&](const Warning& doubt) {
+    return std::any_of(run.statistics.warnings.begin(), run.statistics.warnings.end(),
+                       [&doubt](const Warning& w) { return w.code == doubt.code; });
+  };
+  std::remove_copy_if(run.advice->warnings.begin(), run.advice->warnings.end(), std::back_inserter(all), repeated);
+  return all;
 }
 
 std::string text_of(const Shard& shard) {
@@ -99,6 +113,7 @@ RunRequest settled(const RunRequest& request) {
   RunRequest r = request;
   check_shard(r);
   const Plan plan = plan_of(r.sampling);
+  if (!plan.goal.asked()) check_block(r.shape, plan.samples);
   if (r.shape.by_recipe()) {
     recipe_of(r.shape, *r.problem);
   } else {
@@ -114,11 +129,11 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   const catalog::Problem& problem = *request.problem;
   const bool by_recipe = request.shape.by_recipe();
   catalog::Choice choice;
-  if (!plan.goal.asked()) check_block(r.shape, plan.samples);
   RecipeOptions options;
   by_recipe ? void(options = recipe_of(request.shape, problem)) : void(choice = choice_of(request.shape, problem));
   Plan plan = plan_of(request.sampling);
   const Goal goal = plan.goal;
+  if (!goal.asked() && !by_recipe && !earlier.sums) check_block(request.shape, plan.samples);
   const Caller caller{watch};
   double total = 0;
   plan.progress = [&](std::int64_t done) { return caller.goes_on(problem.id, static_cast<double>(done), total); };
@@ -134,7 +149,6 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
     plan = debias::detail::plan_of(plan, *advice);
   }
 
-  if (!goal.asked() && !by_recipe && !earlier.sums) check_block(request.shape, plan.samples);
   RunRequest now = request;
   if (advice) now.shape = shape_of(choice);
   if (earlier.sums) {
@@ -142,6 +156,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
     if (goal.asked()) plan.samples = earlier.samples;
   }
   if (!goal.asked()) {
+    plan.samples = std::max(plan.samples, choice.block);  // one block at least, where the request names none
     now.sampling.samples = plan.samples;
     const auto [first, last] = range_of(request.shard, plan.samples, choice.block);
     plan.whole = plan.samples;
@@ -157,7 +172,6 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
       }
       save(now, sums);
     };
-    plan.samples = std::max(plan.samples, choice.block);  // one block at least, where the request names none
   }
   total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   const DeclaredFiniteness verdict = verdict_of(problem, choice);
@@ -248,6 +262,7 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   print_line(out, "problem", title(*run.problem));
   full ? print_full(out, s) : void(out << s);
   if (run.interval.confidence != 0.95) {
+    const int digits = digits_of_ends(run.interval.low, run.interval.high);
     print_line(out, "interval",
                rounded(100 * run.interval.confidence, 10) + " % [" + rounded(run.interval.low, digits) + ", " +
                    rounded(run.interval.high, digits) + "]");
@@ -262,7 +277,6 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
   if (!run.advice) return;
   if (full) {
-    const int digits = digits_of_ends(run.interval.low, run.interval.high);
     print_full(out, *run.advice);
   } else {
     debias::detail::print_points(out, *run.advice);
@@ -310,7 +324,7 @@ Fields fields(const RunReport& run) {
                                 {"sentence", run.verdict.sentence}}}});
   if (s.nonfinite == 0 && s.blocks > 1) f.push_back({"evidence", describe(run.evidence)});
   append(f, {{"coupling", describe(s.coupling)},
-             {"warnings", s.warnings},
+             {"warnings", warnings_of(run)},
              {"nonfinite", s.nonfinite},
              {"goal", describe_goal(s)},
              {"recipe", run.advice ? Node(describe(*run.advice)) : Node(nullptr)},

@@ -326,6 +326,26 @@ TEST_CASE("a warning in JSON has a code and a text", "[commands][exact]") {
   CHECK(to_json(one).find(R"("code": "one_sample")") != std::string::npos);
 }
 
+// Readers of JSON and of Python's `warnings` did not see what a recipe doubts.
+TEST_CASE("the warnings of a run by a recipe are those that its text prints", "[commands][exact]") {
+  RunReport report = run({.problem = &problem(),
+                          .shape = {.estimator = commands::Estimator{.recipe = true}},
+                          .sampling = {.samples = 10'000}});
+  REQUIRE(report.advice);
+  report.statistics.warnings = {{WarningCode::coupling, "of the run"}};
+  report.advice->warnings = {{WarningCode::no_second_moment, "of the recipe"}, {WarningCode::coupling, "of both"}};
+  std::ostringstream text;
+  print(text, report);
+  CHECK_THAT(text.str(),
+             Catch::Contains("of the run") && Catch::Contains("of the recipe") && !Catch::Contains("of both"));
+  const Fields all = fields(report);
+  const auto warnings =
+      std::find_if(all.begin(), all.end(), [](const auto& field) { return field.name == "warnings"; });
+  REQUIRE(warnings != all.end());
+  const std::string json = pretty_json(Fields{*warnings});
+  CHECK_THAT(json, Catch::Contains("of the run") && Catch::Contains("of the recipe") && !Catch::Contains("of both"));
+}
+
 TEST_CASE("no PMF is another refusal than a request that cannot be done", "[commands][exact]") {
   const auto refused = [](const RunRequest& request) -> std::optional<NoPmfError> {
     try {

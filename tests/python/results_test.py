@@ -73,6 +73,19 @@ class Results(unittest.TestCase):
                 debias.estimate("furnace", estimator="roulette", pmf="geometric:r=0.5", samples=1e5)
             debias.estimate("A10", samples=1e5)
 
+    def test_warnings_are_those_of_the_text(self):
+        """A doubt of the recipe stood in the text alone."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            r = debias.estimate("A10", samples=10_000, estimator="recipe", base_level=3, seed=1)
+        printed = [line[14:].strip() for line in str(r).splitlines() if line.startswith("warning ")]
+        self.assertEqual([w.text for w in r.warnings], printed)
+        self.assertTrue(set(r.warnings) <= {w.message for w in caught})
+        of_recipe = [w["text"] for w in r["recipe"]["warnings"]]
+        self.assertTrue(of_recipe and set(of_recipe) <= set(printed))
+        self.assertEqual([w.text for w in r.remarks], [w["text"] for w in r["recipe"]["remarks"]])
+        self.assertEqual(debias.estimate("A10", samples=1000, seed=1).remarks, [])
+
     def test_warnings_have_codes(self):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

@@ -154,7 +154,7 @@ class Report:
     @property
     def remarks(self) -> List[Any]:
         """What else the levels show, of a survey or a recipe: likewise."""
-        return _doubts(self._data.get("remarks") or [])
+        return _doubts((self._data if "remarks" in self._data else self._data.get("recipe") or {}).get("remarks") or [])
 
     @property
     def seed(self) -> int:
