@@ -253,6 +253,9 @@ cat floats >> floats.npy
 diagnosed 0 floats.npy
 check ".npy by its first bytes" has '^mean *1.25(75)' out
 check "and what it is" has "^read as *.npy, type <f4, shape (2,)" out
+printf "\223NUMPY\001\000\072\000{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2)}\n" > pairs.npy
+cat floats >> pairs.npy
+refused 2 "2 columns .*; write --column with a number from 1$" pairs.npy
 refused 5 "is .npy of NumPy.*--format npy" floats.npy --format f64
 
 # ---- files and pipes

@@ -62,6 +62,8 @@ std::string advice_on(numbers::Cause cause) {
       return "write --column with a name or a number; where commas are decimal marks, --decimal ,";
     case Cause::no_column:
       return "write --column with a name of the header or a number from 1; --header makes the first row one";
+    case Cause::array_column:
+      return "write --column with a number from 1";
     case Cause::doubled_name:
       return "write --column with a number from 1";
     case Cause::ragged:
@@ -101,7 +103,7 @@ std::string advice_on(numbers::Cause cause) {
 bool is_of_the_request(numbers::Cause cause) {
   using numbers::Cause;
   return cause == Cause::request || cause == Cause::which_column || cause == Cause::no_column ||
-         cause == Cause::doubled_name;
+         cause == Cause::array_column || cause == Cause::doubled_name;
 }
 
 Diagnosis diagnosed(Source& source, const numbers::Request& reading) {

@@ -340,15 +340,15 @@ void read_npy(Input& input, const Request& request, Report& report, const Take& 
     report.columns = static_cast<std::size_t>(columns);
     if (columns == 0) count = 0;
     if (request.column.empty() && columns > 1) {
-      throw Error(Cause::which_column, std::to_string(columns) + " columns (.npy, " + shown + ")");
+      throw Error(Cause::array_column, std::to_string(columns) + " columns (.npy, " + shown + ")");
     }
     if (!request.column.empty()) {
       std::uint64_t number = 0;
       const std::string& c = request.column;
       const auto [end, error] = std::from_chars(c.data(), c.data() + c.size(), number);
       if (error != std::errc{} || end != c.data() + c.size() || number < 1 || number > columns) {
-        throw Error(Cause::no_column, "column " + excerpt(c) + " (.npy, " + shown + ": a number from 1 to " +
-                                          std::to_string(columns) + ")");
+        throw Error(Cause::array_column, "column " + excerpt(c) + " (.npy, " + shown + ": a number from 1 to " +
+                                             std::to_string(columns) + ")");
       }
       chosen = static_cast<std::size_t>(number - 1);
     }

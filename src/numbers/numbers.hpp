@@ -39,6 +39,7 @@ enum class Cause {
   request,        ///< does not fit the format
   which_column,   ///< several, and none was named
   no_column,      ///< of that name or number
+  array_column,   ///< of a .npy array: several and none was named, or not that number
   doubled_name,   ///< names two columns
   ragged,         ///< a row has more or fewer fields than the first one
   decimal_comma,  ///< a comma within a number

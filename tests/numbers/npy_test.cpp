@@ -54,9 +54,9 @@ TEST_CASE("shapes and orders of .npy, and its versions", "[numbers][exact]") {
   CHECK(values_of(npy(dict("'<f8'", "(3, 2)"), six), column("2")) == Values{2, 4, 6});
   CHECK(values_of(npy(dict("'<f8'", "(3, 2)", true), six), column("1")) == Values{1, 2, 3});
   CHECK(values_of(npy(dict("'<f8'", "(3, 2)", true), six), column("2")) == Values{4, 5, 6});
-  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six)).refused == Cause::which_column);
-  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six), column("3")).refused == Cause::no_column);
-  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six), column("x")).refused == Cause::no_column);
+  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six)).refused == Cause::array_column);
+  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six), column("3")).refused == Cause::array_column);
+  CHECK(read_bytes(npy(dict("'<f8'", "(3, 2)"), six), column("x")).refused == Cause::array_column);
   CHECK(read_bytes(npy(dict("'<f8'", "(3, 2, 1)"), six)).refused == Cause::unsupported);
   CHECK(values_of(npy(dict("'<f8'", "(0,)"), "")).empty());
   for (const int version : {1, 2, 3}) CHECK(values_of(npy(dict("'<f8'", "(6,)"), six, version)).size() == 6);
