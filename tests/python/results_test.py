@@ -341,6 +341,17 @@ class Plots(unittest.TestCase):
         for problem in ("D03", "A10"):  # polynomial and geometric
             self.assertEqual(plot.levels(debias.survey(problem, levels=5, samples=1000)).shape, (2, 2))
         plot.tails(np.ones(100))  # no tail at all
+        plt.close("all")
+        lines = plot.tails(np.random.default_rng(3).standard_t(3, 20_000)).lines
+        self.assertFalse([line for line in lines if line.get_label().startswith("_")])
+        border = next(line for line in lines if "border" in line.get_label())
+        upper = next(line for line in lines if line.get_label().startswith("upper"))
+        self.assertGreater(border.get_xdata().min(), 1)  # among the data of the tail, not at the median
+        self.assertLessEqual(border.get_xdata().max(), upper.get_xdata().max())
+        swept = plot.tradeoff(debias.tradeoff("A10", points=3, samples=2000))
+        markers = [line for line in swept.lines if line.get_marker() in ("o", "*")]
+        low, high = swept.get_xlim()
+        self.assertTrue(all(((line.get_xdata() > low) & (line.get_xdata() < high)).all() for line in markers))  # none is cut
         masked = np.ma.array(np.append(values, 1e9), mask=[False] * len(values) + [True])
         x = [plot.tails(v).lines[0].get_xdata() for v in (values, masked)]
         np.testing.assert_array_equal(*x)

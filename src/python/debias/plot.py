@@ -219,7 +219,8 @@ def tradeoff(report: Union[str, Problem, Report], *, ax: Any = None) -> Any:
     predicted = np.array([none(p["predicted_variance"]) * none(p["predicted_work"]) for p in points])
     measured = np.array([none(p["measured_variance"]) * none(p["measured_work"]) for p in points])
     edge = (x[1:] + x[:-1]) / 2
-    edges = np.concatenate(([x[0]], edge, [x[-1]]))
+    room = 0.02 * (x[-1] - x[0]) or 0.1  # for the whole of the first and the last marker
+    edges = np.concatenate(([x[0] - room], edge, [x[-1] + room]))
     seen = set()
     for i, p in enumerate(points):
         for what, state, colour, hatch in (("work", "infinite", SKY, "\\\\"), ("variance", "infinite", ORANGE, "//"),
@@ -250,7 +251,7 @@ def tradeoff(report: Union[str, Problem, Report], *, ax: Any = None) -> Any:
         ax.plot(x[best], predicted[best], "*", color=RED, markersize=14, zorder=5,
                 label=f"best of the family\n{_short(report['best'])}")
     ax.set_yscale("log")
-    ax.set_xlim(x[0], x[-1])
+    ax.set_xlim(edges[0], edges[-1])
     if sure.size:  # beyond, predictions grow without bound
         ax.set_ylim(0.5 * least, 30 * sure.max())
     polynomial = report["rates"]["kind"] == "polynomial"
@@ -363,9 +364,10 @@ def tails(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
         if index["k"] is not None and index["k"] > 0.25:  # below it the values are not yet on a power law
             k, at = index["k"], min(len(size) - 1, max(1, index["values"] // 4))
             x = np.array([size[min(len(size) - 1, index["values"])], size[0]])
-            ax.plot(x, share[at] * (x / size[at]) ** (-1 / k), color=colour, linewidth=1.2)
+            ax.plot(x, share[at] * (x / size[at]) ** (-1 / k), color=colour, linewidth=1.2,
+                    label=f"fit of the {name} tail: slope $-1/\\hat k$ = {-1 / k:.2f}")
         if name == "upper":
-            at = len(size) - 1
+            at = min(len(size) - 1, max(1, index.get("values") or len(size) // 10))  # where the tail begins
             ax.plot(size[[at, 0]], share[at] * (size[[at, 0]] / size[at]) ** -2.0, ":", color=BLACK, linewidth=1.2,
                     label="slope −2: the border of finite variance")
     ax.set_xscale("log")
