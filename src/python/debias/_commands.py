@@ -286,7 +286,7 @@ def tradeoff(problem: Union[str, Problem], *, family: str = "geometric", points:
     problem : str or Problem
         A name of `problems()`, or one of your own.
     family : str
-        "geometric" or "zeta".
+        "geometric", "zeta" or "poisson".
     points : int
         PMFs of the sweep; ['points'] has a row for each.
     samples : int
