@@ -11,6 +11,7 @@
 
 #include "catalog/groups.hpp"
 #include "catalog/make.hpp"
+#include "catalog/unknown_name.hpp"
 #include "core/text.hpp"
 
 namespace debias::catalog {
@@ -57,8 +58,7 @@ Method method_of(std::string_view name) {
     if (m.name == name) return m.method;
     names.push_back(m.name);
   }
-  throw std::invalid_argument("'" + std::string(name) + "' is not an estimator (see `debias list estimators`)" +
-                              suggestion(name, names));
+  throw UnknownName("'" + std::string(name) + "' is not an estimator", "estimators", suggestion(name, names));
 }
 
 const std::vector<Method>& methods() {
@@ -217,8 +217,7 @@ const Problem& find(std::string_view id_or_name) {
     names.push_back(p.id);
     names.push_back(p.name);
   }
-  throw std::invalid_argument("'" + std::string(id_or_name) + "' is not a problem (see `debias list`)" +
-                              suggestion(id_or_name, names));
+  throw UnknownName("'" + std::string(id_or_name) + "' is not a problem", "problems", suggestion(id_or_name, names));
 }
 
 namespace detail {

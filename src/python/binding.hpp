@@ -30,6 +30,7 @@
 #include <debias/core/estimate.hpp>
 
 #include "catalog.hpp"
+#include "catalog/unknown_name.hpp"
 #include "commands/fields.hpp"
 #include "options.hpp"
 #include "problem.hpp"
@@ -95,6 +96,8 @@ auto translated(const F& f) {
     throw;
   } catch (const NoPmfError& e) {
     raise(e);
+  } catch (const catalog::UnknownName& e) {
+    throw py::value_error(e.seen_in("debias." + e.topic() + "()"));
   } catch (const std::logic_error& e) {
     throw py::value_error(e.what());
   }
