@@ -13,7 +13,7 @@ Geometric::Geometric(double r) : r_(r), q_(1 - r), correction_(std::log1p(((1 - 
   if (!(r >= 0x1p-40 && r < 1)) {
     throw std::invalid_argument("Geometric: r = " + to_text(r) +
                                 " (must lie in [2^-40, 1)); r is the probability of level 0, "
-                                "Geometric::with_exponent(theta) makes masses that fall like 2^(-theta j)");
+                                "and 1 - 2^-theta of masses that fall like 2^(-theta j)");
   }
   for (std::size_t j = 0; j < tails_.size(); ++j) tails_[j] = power(static_cast<std::int64_t>(j));
 }
