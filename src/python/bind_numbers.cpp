@@ -82,6 +82,9 @@ void bind_numbers(py::module_& m) {
       return std::pair(found.low, found.high);
     });
   });
+  m.def("seconds", [](const std::string& name, const py::dict& options) {
+    return translated([&] { return Options(options).seconds(name.c_str()); });
+  });
   m.def("normal_quantile", py::vectorize([](double u) { return normal_quantile(u); }));
 
   py::class_<Diagnostician>(m, "Diagnostician")

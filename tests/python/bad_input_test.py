@@ -14,6 +14,7 @@ import time
 import unittest
 import warnings
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -56,6 +57,58 @@ class BadInput(unittest.TestCase):
         self.raises(TypeError, "complex", debias.diagnose, np.array([1j]))
         self.raises(ValueError, "no value", debias.diagnose, [])
         self.raises(TypeError, "U1|object", debias.diagnose, ["a"])
+
+    @ignoring_doubts
+    def test_shards_that_do_not_exist(self):
+        """(3, 2) drew samples outside the run, and (1, 0) killed the interpreter."""
+        e = debias.estimate
+        own = debias.levels(powers(square), dimension=lambda k: 2**k, rates=(2, 1))
+        for problem in ("A10", own):
+            for shard in ((3, 2), (0, 2), (-1, 2), (1, 0), (1, -2), (1, 2**21), (2**62, 2**62), (1, 2**70), [np.int64(3), 2]):
+                self.raises(ValueError, r"^shard = .*\(must be one of .*the first of four$", e, problem, samples=20_000, shard=shard)
+            for shard in (2, "x", "12", (1.5, 2), ("1", 2), (1, 2, 3), (1,), ()):
+                self.raises(TypeError, r"^shard: .*\(must be two whole numbers, \(i, n\)\)", e, problem, samples=20_000, shard=shard)
+            self.raises(ValueError, "^shard .a goal fixes the samples late", e, problem, error=0.1, shard=(1, 2))
+
+    @ignoring_doubts
+    def test_what_was_accepted_though_wrong(self):
+        e = debias.estimate
+        for block in (2**40, 20_001):
+            self.raises(ValueError, f"^block = '{block}' .*only 20000.; take a smaller one, or more samples$", e, "A10",
+                        samples=20_000, block=block)
+            self.raises(ValueError, f"^block = '{block}'", debias.tradeoff, "A10", samples=20_000, block=block)
+        with ThreadPoolExecutor(1) as pool:
+            for shards in (-3, 0):
+                self.raises(ValueError, f"^shards = {shards} .must be at least 1", e, "A10", executor=pool, shards=shards)
+            for shards in ("x", 1.5, True):
+                self.raises(TypeError, "^shards: .*must be a whole number", e, "A10", executor=pool, shards=shards)
+        for seconds in (-1, 0, "x", float("nan"), float("inf")):  # also where the pilot meets the goal
+            self.raises(ValueError, "^max_seconds", e, "A10", error=10, max_seconds=seconds)
+        self.raises(TypeError, "^max_seconds: list", e, "A10", error=10, max_seconds=[1])
+        self.assertTrue(e("A10", error=0.1, max_seconds="10s").samples > 0)
+
+    def test_no_words_of_c_or_of_the_inside(self):
+        own = powers(square)
+        for rates in ((1,), (1, 2, 3), 5, "21", ("2", "1"), (None, 1), {"beta": 1}):
+            self.raises(TypeError, r"^rates: .*\(must be two numbers, \(beta, gamma\)", debias.levels, own,
+                        dimension=lambda k: 2**k, rates=rates)
+        for rates in ((0, 1), (-1, 1), (float("nan"), 1), (2, float("inf"))):
+            self.raises(ValueError, "^rates = .*positive, and the growth", debias.levels, own, dimension=lambda k: 2**k, rates=rates)
+        self.raises(TypeError, "^truth: str", debias.levels, own, dimension=lambda k: 2**k, truth="x")
+        for at in (float("inf"), float("nan")):
+            self.raises(ValueError, f"^at = {at} .must be finite", debias.finite_difference, np.sin, at)
+            self.raises(ValueError, f"^at = {at} .must be finite", debias.gradient, lambda x: x[0], [1, at])
+        self.raises(TypeError, "^at: str", debias.finite_difference, np.sin, "x")
+        for name in ("first_step", "ratio"):
+            self.raises(TypeError, f"^{name}: str", debias.finite_difference, np.sin, 1, **{name: "x"})
+        with self.assertRaisesRegex(ValueError, "^pmf: Geometric: r = 2 ") as refused:
+            debias.estimate("A10", pmf="geometric:r=2")
+        self.assertNotIn("::", str(refused.exception))
+
+    def test_lists_of_names_are_those_of_python(self):
+        self.raises(ValueError, r"^'A1O' is not a problem \(see debias.problems\(\)\); did you mean", debias.estimate, "A1O")
+        self.raises(ValueError, r"^'single_trem' is not an estimator \(see debias.estimators\(\)\); did you mean",
+                    debias.estimate, "A10", estimator="single_trem")
 
     @ignoring_doubts
     def test_names_of_0_1_say_what_they_are_now(self):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import numbers
 import warnings
 from typing import Any, Callable, Dict, List, Optional, Tuple, Type, TypeVar, Union, cast
 
@@ -11,8 +10,8 @@ import numpy as np
 
 from . import _debias, _kept
 from ._errors import DebiasWarning, GoalMissedWarning, InfiniteVarianceWarning, NonFiniteWarning
-from ._options import (Number, Pmf, Progress, Seed, _Bar, _estimator, _inner, _option, _options, _pmf, _problem,
-                       _seed)
+from ._options import (Number, Pmf, Progress, Seed, _Bar, _estimator, _inner, _options, _pmf, _problem,
+                       _seed, _whole)
 from ._problem import Problem
 from ._reports import Report, Result, Samples
 
@@ -105,6 +104,12 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
         raise ValueError(f"{given[0]} and {given[1]} (do not go together); take one of them")
     if shards is not None and executor is None:
         raise ValueError("shards (are parts for an executor); for one part alone write shard=(i, n)")
+    if shards is not None:
+        shards = _whole("shards", shards, 1)
+    if shard is not None:
+        shard = _kept._shard_of(shard)
+    if max_seconds is not None:
+        max_seconds = _debias.seconds("max_seconds", _options(max_seconds=max_seconds))
     doubts: List[DebiasWarning] = []
     with _Bar(progress) as bar:
         if estimator == "multilevel":
@@ -118,7 +123,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
         elif checkpoint is not None:
             result = _kept._checkpointed(problem, options, bar, checkpoint)
         elif max_seconds is not None:
-            result = _kept._within(problem, options, _option("max_seconds", max_seconds), bar)
+            result = _kept._within(problem, options, max_seconds, bar)
         else:
             result = _kept._run(problem, options, bar, shard=shard)
     for doubt in doubts:
@@ -189,16 +194,12 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
     ((1000,), 7)
     """
     seed = _seed(seed)
-    for name, value, least in (("n", n, 1), ("first", first, 0)):
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-            raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
-        if not least <= value < 2**62:
-            raise ValueError(f"{name} = {value} (must be at least {least})")
+    n, first = _whole("n", n, 1), _whole("first", first, 0)
     problem = _problem(problem)
     options = _options(seed=seed, **_shape(problem, _estimator(problem, pmf, estimator), pmf), base_level=base_level,
                        block=block, points=points)
     with _Bar(progress) as bar:
-        values = _debias.samples(_inner(problem), options, int(n), int(first), bar)
+        values = _debias.samples(_inner(problem), options, n, first, bar)
     components = problem.components if isinstance(problem, Problem) else 1
     result = (values.reshape(-1, components) if components > 1 else values).view(Samples)
     result.seed = seed

@@ -8,7 +8,8 @@ from typing import Any, Callable, Dict, Optional, Sequence
 import numpy as np
 
 from . import _debias
-from ._own import _checked, _facts, _function, _whole, normal_quantile
+from ._options import _real, _whole
+from ._own import _checked, _facts, _function, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array
 
@@ -21,6 +22,9 @@ def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, r
                dimension: int, normals: bool, components: Optional[int], facts: Dict[str, Any]) -> Problem:
     if kind not in _KINDS:
         raise ValueError(f"kind = '{kind}' (must be forward, central or second)")
+    first_step, ratio = _real("first_step", first_step), _real("ratio", ratio)
+    if not np.isfinite(at).all():
+        raise ValueError(f"at = {at[~np.isfinite(at)][0]} (must be finite)")
     if not (first_step > 0 and math.isfinite(first_step)):
         raise ValueError(f"first_step = {first_step} (must be positive and finite: about the length over which f changes)")
     if not 0 < ratio < 1:
@@ -123,7 +127,7 @@ def finite_difference(f: Callable[..., Any], at: float, *, kind: str = "central"
     """
     _function("f", f, "x" if dimension == 0 else "(x, array)")
     facts = _facts(name, formula, truth, rates, False, 0)
-    return _quotients(f, np.array([float(at)]), kind, first_step, ratio, last_level, dimension, normals, None, facts)
+    return _quotients(f, np.array([_real("at", at)]), kind, first_step, ratio, last_level, dimension, normals, None, facts)
 
 
 @_maker

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import zlib
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Union
@@ -19,6 +20,17 @@ _MAGIC = b"debias run of Python, 1\n"
 
 def _name(problem: Union[str, Problem]) -> str:
     return problem if isinstance(problem, str) else repr(problem)
+
+
+def _shard_of(shard: Any) -> Tuple[int, int]:
+    """(i, n) as two whole numbers; whether there is such a part, the module says."""
+    try:
+        i, n = (operator.index(x) for x in shard)
+    except (TypeError, ValueError):
+        raise TypeError(f"shard: {shard!r} (must be two whole numbers, (i, n)); (1, 4) is the first of four") from None
+    if not all(-(2**63) <= x < 2**63 for x in (i, n)):
+        raise ValueError(f"shard = ({i}, {n}) (must be one of (1, n), (2, n), ... (n, n)); (1, 4) is the first of four")
+    return i, n
 
 
 def _run(problem: Union[str, Problem], options: Options, progress: Any = None, earlier: Any = None,

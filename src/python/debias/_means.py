@@ -7,7 +7,8 @@ from typing import Any, Callable, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from . import _compiled, _debias
-from ._own import _checked, _facts, _function, _in_blocks, _whole, normal_quantile
+from ._options import _whole
+from ._own import _checked, _facts, _function, _in_blocks, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array, Facts
 

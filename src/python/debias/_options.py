@@ -105,6 +105,21 @@ def _pmf(pmf: Pmf) -> Optional[str]:
     return "tabulated:" + ",".join(repr(m / total) for m in masses) + f";tail={ratio!r}"
 
 
+def _whole(name: str, value: Any, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
+    if not least <= value < 2**62:  # type: ignore[operator]
+        raise ValueError(f"{name} = {value} (must be at least {least})")
+    return int(value)
+
+
+def _real(name: str, value: Any) -> float:
+    """A number, and none of the program's words."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name}: {type(value).__name__} (must be a number)")
+    return float(value)
+
+
 class _Bar:
     """Shows progress by tqdm, if there is such a thing."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _compiled, _debias
 from ._numbers import _has_mask, _numbers
+from ._options import _real, _whole
 from ._problem import Problem, _maker
 from ._reports import _ends
 from ._types import Array
@@ -296,18 +297,22 @@ def _function_of_level(name: str, value: Any, *, whole: bool) -> Callable[[int],
     return checked
 
 
-def _whole(name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
-    if not least <= value < 2**62:  # type: ignore[operator]
-        raise ValueError(f"{name} = {value} (must be at least {least})")
-    return int(value)
+def _rates(rates: Any) -> Tuple[float, float]:
+    try:
+        beta, gamma = rates
+        if any(isinstance(r, (bool, np.bool_)) or not isinstance(r, numbers.Real) for r in (beta, gamma)):
+            raise TypeError
+    except (TypeError, ValueError):
+        raise TypeError(f"rates: {rates!r} (must be two numbers, (beta, gamma): the decay of E D_k^2 and the growth of work)") from None
+    if not (beta > 0 and math.isfinite(gamma)):
+        raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
+    return float(beta), float(gamma)
 
 
 def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequence[float]], polynomial: bool,
            lowest_base: int) -> Dict[str, Any]:
-    beta, gamma = (None, None) if rates is None else (float(r) for r in rates)
-    if beta is not None and gamma is not None and not (beta > 0 and math.isfinite(gamma)):
-        raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
+    beta, gamma = (None, None) if rates is None else _rates(rates)
+    if truth is not None:
+        truth = _real("truth", truth)
     return {"name": str(name), "formula": str(formula), "truth": truth, "variance_decay": beta, "work_growth": gamma,
             "polynomial": bool(polynomial), "lowest_base": _whole("lowest_base", lowest_base, 0)}

@@ -8,7 +8,8 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from . import _debias
-from ._own import _checked, _facts, _function, _whole, normal_quantile
+from ._options import _whole
+from ._own import _checked, _facts, _function, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array, Facts
 

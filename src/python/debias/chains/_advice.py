@@ -8,8 +8,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 import numpy as np
 
 from .. import _debias
-from .._options import Seed, _seed
-from .._own import _whole
+from .._options import Seed, _seed, _whole
 from .._reports import Report, _number, _table
 from .._types import Array
 from ._coupled import CoupledChain, _known, _taken

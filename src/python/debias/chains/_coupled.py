@@ -10,8 +10,8 @@ import numpy as np
 
 from .. import _debias
 from .._errors import DebiasWarning
-from .._options import Seed, _seed
-from .._own import _checked, _facts, _whole
+from .._options import Seed, _seed, _whole
+from .._own import _checked, _facts
 from .._problem import Problem, _packed
 from .._types import Array, Facts
 from ._kernels import Kernel, State, _function, _Numbers

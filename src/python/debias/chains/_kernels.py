@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, Optional, Sequence, Tuple, cast
 import numpy as np
 
 from .. import _debias
-from .._own import _whole
+from .._options import _whole
 from .._problem import _packed
 from .._reports import _ends
 from .._types import Array
