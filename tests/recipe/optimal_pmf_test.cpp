@@ -153,6 +153,67 @@ TEST_CASE("the best masses cannot be improved, with a base, a fixed part, strata
   CHECK_FALSE(is_local_optimum(m, {0.25, 0.25, 0.25, 0.25}));
 }
 
+TEST_CASE("a variance predicted of correlated terms is the exact one of all that can be drawn",
+          "[recipe][optimal_pmf][exact]") {
+  // Outcomes of one draw, each as likely: the base B and the difference D of level k. Every base has mean 2; covariances
+  // of both signs.
+  const std::vector<std::vector<double>> bases{{1, 3, 2, 2}, {0, 1, 3, 4}, {5, 1, 2, 0}};
+  const std::vector<std::vector<double>> differences{{1, 4, 2, 3}, {-1, 0.5, 0.25, 2}, {-0.5, 0.25, 0.5, 0.125}};
+  const auto mean_of = [](const std::vector<double>& x) { return (x[0] + x[1] + x[2] + x[3]) / 4; };
+  TermMoments m;
+  double above = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::vector<double>& b = bases[k];
+    const std::vector<double>& d = differences[k];
+    const double mean = mean_of(d);
+    m.mean_square.push_back(mean * mean);
+    m.variance.push_back((d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + d[3] * d[3]) / 4 - mean * mean);
+    m.base_variance.push_back((b[0] * b[0] + b[1] * b[1] + b[2] * b[2] + b[3] * b[3]) / 4 - 4);
+    m.covariance.push_back((b[0] * d[0] + b[1] * d[1] + b[2] * d[2] + b[3] * d[3]) / 4 - 2 * mean);
+    m.work.push_back(power(2, static_cast<double>(k)));
+    above += mean;
+  }
+  m.fixed_variance = -above * above;
+  for (const std::vector<double>& p : {std::vector<double>{0.5, 0.3, 0.2}, {0.1, 0.2, 0.7}, {0.9, 0.09, 0.01}}) {
+    // Z = B_k + D_k / p_k with probability p_k
+    double first = 0;
+    double second = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      for (std::size_t i = 0; i < 4; ++i) {
+        const double z = bases[k][i] + differences[k][i] / p[k];
+        first += p[k] / 4 * z;
+        second += p[k] / 4 * z * z;
+      }
+    }
+    CAPTURE(p);
+    CHECK(first == Approx(2 + above).epsilon(1e-12));
+    CHECK(predict(m, p).variance == Approx(second - first * first).epsilon(1e-10));
+    CHECK(predict(m, p).work == Approx(p[0] + 2 * p[1] + 4 * p[2]).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("a covariance falls like the deviations of base and difference where members run together",
+          "[recipe][optimal_pmf][exact]") {
+  TermMoments m;
+  m.variance = {3, 5};
+  m.mean_square = {0, 0};
+  m.work = {1, 2};
+  m.base_variance = {7, 11};
+  m.covariance = {-1.5, 2.5};
+  m.block = 16;
+  // Of 1, 2, 4, 8 members.
+  m.variance_left = {{1, 0.5, 0.25, 0.0625}, {1, 0.81, 0.36, 0.16}};
+  m.base_left = {{1, 0.5, 0.36, 0.25}, {1, 0.64, 0.25, 0.04}};
+  // 8 members of each.
+  CHECK(predict(m, std::vector<double>{0.5, 0.5}).variance ==
+        Approx(0.5 * 7 * 0.25 + 0.5 * 11 * 0.04 + 3 * 0.0625 / 0.5 + 5 * 0.16 / 0.5 +
+               2 * (-1.5 * 0.5 * 0.25 + 2.5 * 0.2 * 0.4)));
+  // 4 and 2 of them, which need not be all.
+  CHECK(predict(m, std::vector<double>{0.25, 0.125}).variance ==
+        Approx(0.25 * 7 * 0.36 + 0.125 * 11 * 0.64 + 3 * 0.25 / 0.25 + 5 * 0.81 / 0.125 +
+               2 * (-1.5 * 0.6 * 0.5 + 2.5 * 0.8 * 0.9)));
+}
+
 TEST_CASE("the best masses know no unit, and nothing is below their bound", "[recipe][optimal_pmf][exact]") {
   Stream rng(20261130, 0);
   for (int i = 0; i < 200; ++i) {
