@@ -214,6 +214,36 @@ TEST_CASE("a covariance falls like the deviations of base and difference where m
                2 * (-1.5 * 0.6 * 0.5 + 2.5 * 0.8 * 0.9)));
 }
 
+TEST_CASE(
+    "strata leave a quarter of a squared mean by the members of a level, and all of it below a quarter of a member",
+    "[recipe][optimal_pmf][exact]") {
+  TermMoments m;
+  m.variance = {3, 5, 7};
+  m.mean_square = {4, 9, 16};
+  m.work = {1, 2, 4};
+  m.fixed_variance = 0.5;
+  m.block = 64;
+  // 32, 1 and 1/8 members: 1/128, 1/4 and all.
+  CHECK(predict(m, std::vector<double>{0.5, 0x1p-6, 0x1p-9}).variance ==
+        Approx(0.5 + (3 + 4.0 / 128) * 2 + (5 + 9.0 / 4) * 64 + (7 + 16.0) * 512));
+  // 1/4, 1/2 and 48: all, a half and 1/192.
+  CHECK(predict(m, std::vector<double>{0x1p-8, 0x1p-7, 0.75}).variance ==
+        Approx(0.5 + (3 + 4.0) * 256 + (5 + 9.0 / 2) * 128 + (7 + 16.0 / 192) / 0.75));
+  // Never less than what n members can do at best: a number of them that is 0 or 1 has the variance f (1 - f).
+  for (double f = 1.0 / 16; f < 1; f += 1.0 / 16) {
+    const double p = f / 64;
+    TermMoments one;
+    one.variance = {0};
+    one.mean_square = {1};
+    one.work = {1};
+    one.block = 64;
+    CAPTURE(f);
+    CHECK(predict(one, std::vector<double>{p}).variance >= f * (1 - f) / (64 * p * p) * (1 - 1e-12));
+  }
+  m.block = 1;
+  CHECK(predict(m, std::vector<double>{0.5, 0.25, 0.25}).variance == Approx(0.5 + 7 * 2 + 14 * 4 + 23 * 4));
+}
+
 TEST_CASE("the best masses know no unit, and nothing is below their bound", "[recipe][optimal_pmf][exact]") {
   Stream rng(20261130, 0);
   for (int i = 0; i < 200; ++i) {
