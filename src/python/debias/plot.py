@@ -365,11 +365,11 @@ def tails(values: Any, *, title: Optional[str] = None, ax: Any = None) -> Any:
             k, at = index["k"], min(len(size) - 1, max(1, index["values"] // 4))
             x = np.array([size[min(len(size) - 1, index["values"])], size[0]])
             ax.plot(x, share[at] * (x / size[at]) ** (-1 / k), color=colour, linewidth=1.2,
-                    label=f"fit of the {name} tail: slope $-1/\\hat k$ = {-1 / k:.2f}")
+                    label=f"its fit, slope {-1 / k:.2f}")
         if name == "upper":
             at = min(len(size) - 1, max(1, index.get("values") or len(size) // 10))  # where the tail begins
             ax.plot(size[[at, 0]], share[at] * (size[[at, 0]] / size[at]) ** -2.0, ":", color=BLACK, linewidth=1.2,
-                    label="slope −2: the border of finite variance")
+                    label="slope −2, the border")
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(bottom=0.5 / len(array))
