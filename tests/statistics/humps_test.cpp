@@ -123,12 +123,10 @@ struct WalkMaximum {
 }  // namespace
 
 TEST_CASE("levels on the near side of a hump are hardly ever a reason to refuse", "[evidence][inputs][stat]") {
-  for (const double up : {0.3, 0.35}) {
-    CAPTURE(up);
-    const Tally t = by_recipe(WalkMaximum{up}, up / (1 - 2 * up), {.samples = 1 << 14}, 12);
-    CHECK(t.refused + t.infinite <= 3);  // likely may be wrong once in ten times
-    CHECK(t.covered >= 9);
-  }
+  const double up = 0.3;
+  const Tally t = by_recipe(WalkMaximum{up}, up / (1 - 2 * up), {.samples = 1 << 14}, 14);
+  CHECK(t.refused + t.infinite <= 3);  // likely may be wrong once in ten times
+  CHECK(t.covered >= 11);
 }
 
 TEST_CASE("a posterior mean with rare weights has an answer", "[evidence][inputs][statistical]") {
