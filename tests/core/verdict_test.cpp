@@ -485,3 +485,22 @@ TEST_CASE("intervals of more problems cover, or their misses are known", "[.long
                        {"F01", 0.7},
                        {"D14", 0.8, roulette}}));
 }
+
+TEST_CASE("an interval is reliable by its variance, degrees, unseen levels, samples and coupling", "[verdict][exact]") {
+  RunVerdict good;
+  good.variance = Finiteness::finite;
+  good.samples = 1'000'000;
+  good.kurtosis = 3;
+  CHECK(good.interval_reliable());
+  const auto spoilt = [&](auto change) {
+    RunVerdict v = good;
+    change(v);
+    return v.interval_reliable();
+  };
+  CHECK(spoilt([](RunVerdict& v) { v.unseen_share = 0.4; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.unseen_share = 0.6; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.degrees = 2; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.variance = Finiteness::undecided; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.kurtosis = 1e6; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.wrong_coupling = true; }));
+}
