@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <ostream>
 #include <string_view>
 #include <vector>
@@ -11,6 +10,7 @@
 
 #include "core/words.hpp"
 #include "describe.hpp"
+#include "recipe/prose.hpp"
 #include "store.hpp"
 #include "text.hpp"
 #include "validation/validation.hpp"
@@ -56,11 +56,7 @@ Node describe_goal(const Statistics& s) {
 std::vector<Warning> warnings_of(const RunReport& run) {
   std::vector<Warning> all = run.statistics.warnings;
   if (!run.advice) return all;
-  const auto repeated = [&](const Warning& doubt) {
-    return std::any_of(run.statistics.warnings.begin(), run.statistics.warnings.end(),
-                       [&doubt](const Warning& w) { return w.code == doubt.code; });
-  };
-  std::remove_copy_if(run.advice->warnings.begin(), run.advice->warnings.end(), std::back_inserter(all), repeated);
+  for (Warning& doubt : doubts_beside(*run.advice, run.statistics)) all.push_back(std::move(doubt));
   return all;
 }
 

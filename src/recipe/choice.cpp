@@ -380,8 +380,8 @@ void refuse_cost(const Advice& advice, double members) {
 
 namespace {
 
-// |E I|, but no less than its error: the values of the level from which on they, with the differences above it, tell it best. Those
-// of the deepest level alone are few.
+// |E I|, but no less than its error: by the values of the level which, with the differences above it, tells it best. Those of
+// the deepest level alone are few.
 double size_of(const Survey& s) {
   double size = std::abs(s.rows.back().mean);
   double least = infinity;

@@ -167,11 +167,17 @@ void detail::print_points(std::ostream& out, const Advice& advice) {
   if (advice.points == Points::nets || advice.why_points != "as asked") print_line(out, "points", points_text(advice));
 }
 
-void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
+std::vector<Warning> doubts_beside(const Advice& advice, const Statistics& result) {
+  std::vector<Warning> doubts;
   for (const Warning& doubt : advice.warnings) {
     const auto same = [&doubt](const Warning& w) { return w.code == doubt.code; };
-    if (std::none_of(result.warnings.begin(), result.warnings.end(), same)) print_line(out, "warning", doubt.text);
+    if (std::none_of(result.warnings.begin(), result.warnings.end(), same)) doubts.push_back(doubt);
   }
+  return doubts;
+}
+
+void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
+  for (const Warning& doubt : doubts_beside(advice, result)) print_line(out, "warning", doubt.text);
 }
 
 namespace {

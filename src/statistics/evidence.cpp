@@ -374,32 +374,22 @@ class Scales {
     }
   }
 
-  // The fall of the earlier and the later half of the last n usable levels.
-  struct Halves {
-    FittedRate early;
-    FittedRate late;
-    [[nodiscard]] double bend_error() const { return std::hypot(early.error, late.error); }
-  };
-  [[nodiscard]] Halves halves(std::size_t n, double scatter) const {
-    const std::size_t a = usable_[usable_.size() - n];
-    const std::size_t b = usable_[usable_.size() - n + n / 2];
-    const std::size_t c = usable_.back();
-    const auto fall = [&](std::size_t from, std::size_t to) {
-      const auto steps = static_cast<double>(fact(to).level - fact(from).level);
-      return FittedRate{(voice(from).log2_second - voice(to).log2_second) / steps,
-                        std::hypot(voice(from).error, voice(to).error, scatter) / steps};
-    };
-    return {fall(a, b), fall(b, c)};
+  // Of the last n usable levels.
+  [[nodiscard]] statistics::Halves halves(std::size_t n, double scatter) const {
+    std::vector<statistics::Observation> seen;
+    for (const std::size_t i : std::span(usable_).last(n)) {
+      seen.push_back({static_cast<double>(fact(i).level), voice(i).log2_second, voice(i).error});
+    }
+    return statistics::halves_of(seen, scatter);
   }
 
   [[nodiscard]] bool steepens(double scatter) const {
     constexpr std::size_t many = 6;
     const std::size_t n = std::min(many, usable_.size());
     if (n < 4) return false;
-    const Halves h = halves(n, scatter);
-    const double bend = h.late.value - h.early.value;
+    const statistics::Halves h = halves(n, scatter);
     // Few levels may be all on the near side of a hump: less is enough for a doubt.
-    return bend > (e_.exponential_work ? 0.3 : 0.015) && bend > (n < many ? 1 : 2) * h.bend_error();
+    return h.bend() > (e_.exponential_work ? 0.3 : 0.015) && h.bend() > (n < many ? 1 : 2) * h.bend_error();
   }
 
   // A hump bends. What has grown for six levels by as much each is a trend.
@@ -408,8 +398,8 @@ class Scales {
     constexpr double least = 0.5;  // octaves a level
     constexpr double most_bend = 0.2;
     if (usable_.size() < n) return false;
-    const Halves h = halves(n, scatter);
-    const double bend = std::abs(h.late.value - h.early.value);
+    const statistics::Halves h = halves(n, scatter);
+    const double bend = std::abs(h.bend());
     return h.early.value < -least && h.late.value < -least && bend < std::max(most_bend, 3 * h.bend_error()) &&
            h.bend_error() < least;
   }

@@ -173,17 +173,11 @@ class Sum {
  private:
   // Of the last six: the ratio may bend up by more than half of what the masses bend down.
   [[nodiscard]] bool turns_up(const std::vector<statistics::Observation>& ratios) const {
-    const std::size_t n = std::min<std::size_t>(6, ratios.size());
-    const statistics::Observation& a = ratios[ratios.size() - n];
-    const statistics::Observation& b = ratios[ratios.size() - n + n / 2];
-    const statistics::Observation& c = ratios.back();
-    const auto bend = [&](const auto& of) {
-      return (of(b) - of(c)) / (c.level - b.level) - (of(a) - of(b)) / (b.level - a.level);
-    };
-    const double of_masses = bend([&](const auto& o) { return power_ * p_.at(static_cast<std::int64_t>(o.level)); });
-    const double error = std::hypot(std::hypot(b.error, c.error) / (c.level - b.level),
-                                    std::hypot(a.error, b.error) / (b.level - a.level));
-    return bend([](const auto& o) { return o.value; }) < error - of_masses / 2;
+    const auto last = std::span(ratios).last(std::min<std::size_t>(6, ratios.size()));
+    std::vector<statistics::Observation> masses(last.begin(), last.end());
+    for (statistics::Observation& o : masses) o.value = power_ * p_.at(static_cast<std::int64_t>(o.level));
+    const statistics::Halves ratio = statistics::halves_of(last, 0);
+    return ratio.bend() < ratio.bend_error() - statistics::halves_of(masses, 0).bend() / 2;
   }
   // How much faster than necessary the terms fall.
   [[nodiscard]] double excess(const Course& c, double slope) const {

@@ -371,6 +371,15 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
   return courses_of(seen, may_be_polynomial, std::nullopt, none, follows);
 }
 
+Halves halves_of(std::span<const Observation> seen, double scatter) {
+  const auto fall = [&](const Observation& from, const Observation& to) {
+    const double steps = to.level - from.level;
+    return FittedRate{(from.value - to.value) / steps, std::hypot(from.error, to.error, scatter) / steps};
+  };
+  const Observation& middle = seen[seen.size() / 2];
+  return {fall(seen.front(), middle), fall(middle, seen.back())};
+}
+
 double scatter_of(std::span<const Course> courses) {
   if (courses.empty()) return 0;
   std::vector<double> omega;

@@ -47,6 +47,15 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
 /// Without rates.
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial);
 
+/// How fast the earlier and the later half of them fall, a level; at least three. `scatter`: of single ones, beside their error.
+struct Halves {
+  FittedRate early;
+  FittedRate late;
+  [[nodiscard]] double bend() const { return late.value - early.value; }
+  [[nodiscard]] double bend_error() const { return std::hypot(early.error, late.error); }
+};
+Halves halves_of(std::span<const Observation> seen, double scatter);
+
 /// Of single levels about the trend, in octaves: the median.
 double scatter_of(std::span<const Course> courses);
 

@@ -299,14 +299,12 @@ def _function_of_level(name: str, value: Any, *, whole: bool) -> Callable[[int],
 
 def _rates(rates: Any) -> Tuple[float, float]:
     try:
-        beta, gamma = rates
-        if any(isinstance(r, (bool, np.bool_)) or not isinstance(r, numbers.Real) for r in (beta, gamma)):
-            raise TypeError
+        beta, gamma = (_real("rates", r) for r in rates)
     except (TypeError, ValueError):
         raise TypeError(f"rates: {rates!r} (must be two numbers, (beta, gamma): the decay of E D_k^2 and the growth of work)") from None
     if not (beta > 0 and math.isfinite(gamma)):
         raise ValueError(f"rates = ({beta}, {gamma}) (must be the decay of E D_k^2, positive, and the growth of work)")
-    return float(beta), float(gamma)
+    return beta, gamma
 
 
 def _facts(name: str, formula: str, truth: Optional[float], rates: Optional[Sequence[float]], polynomial: bool,
