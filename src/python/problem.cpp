@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
-#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string_view>
@@ -63,7 +62,7 @@ struct NoTerms {};
 
 template <BiasedSequence S, class T = NoTerms>
 UserProblem make_problem(const Facts& facts, const S& sequence, const std::shared_ptr<Lookups>& lookups,
-                         [[maybe_unused]] const std::optional<T>& terms = {}) {
+                         const std::shared_ptr<const T>& terms = {}) {
   using catalog::Method;
   const auto with = [sequence, terms](const Choice& choice, const auto& use) {
     static_cast<void>(terms);  // of levels there are none
@@ -418,7 +417,7 @@ UserProblem problem_of(const Facts& facts) {
 namespace {
 // All levels of numbers that share no base: one type, compiled once.
 UserProblem plain_problem(const Facts& facts, std::shared_ptr<const Source<double>> source,
-                          const std::shared_ptr<Lookups>& lookups, const std::optional<Terms>& terms = {}) {
+                          const std::shared_ptr<Lookups>& lookups, const std::shared_ptr<const Terms>& terms = {}) {
   return make_problem(facts, Erased<double, false>(std::move(source)), lookups, terms);
 }
 }  // namespace
@@ -440,7 +439,8 @@ UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups,
 UserProblem terms_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, bool path) {
   const Terms terms(lookups, path);
   const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());
-  return plain_problem(facts, std::make_shared<TermLevels>(terms, deepest), lookups, terms);
+  return plain_problem(facts, std::make_shared<TermLevels>(terms, deepest), lookups,
+                       std::make_shared<const Terms>(terms));
 }
 
 UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, const std::string& g,

@@ -119,9 +119,9 @@ TEST_CASE("no function of a mean hides a NaN or an infinity of its callables", "
 
   check("comb_mean", "f", comb_mean(f, 5));
   check("comb_mean", "f in a sum", taylor_sum(comb_mean(f, 3), functions::Exp{}, 1.5, Geometric(0.5)));
-  const auto at_point = [](std::span<const double> x) { return bad(1 + x[0] * x[1]); };
+  const auto at_point = [](std::span<const double> at) { return bad(1 + at[0] * at[1]); };
   check("net_mean", "f in a sum", taylor_sum(net_mean(at_point, Cube(2), 4), functions::Exp{}, 1.5, Geometric(0.5)));
-  const auto on_line = [](std::span<const double> x) { return bad(std::exp(-x[0] * x[0] - x[1] * x[1])); };
+  const auto on_line = [](std::span<const double> at) { return bad(std::exp(-at[0] * at[0] - at[1] * at[1])); };
   check_sequence("integral_over", "f",
                  function_of_integral(integral_over(densities::Normal{}, on_line), Cube(2), functions::Log{}));
   check_sequence("expectation_under", "f",
