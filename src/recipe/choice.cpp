@@ -130,12 +130,23 @@ class Choice {
   }
 
  private:
-  // The bounds of the exponent of a tail.
-  [[nodiscard]] ExponentRange range() const {
+  [[nodiscard]] Rates shown() const {
     const Evidence& e = survey_.evidence;
     const double work = e.exponential_work != e.polynomial ? std::max(0.0, e.work.value) : 0;
     const double beta = e.courses.empty() ? infinity : e.decay.value;
-    return finite_exponents({beta, work, e.polynomial ? Decay::polynomial : Decay::geometric});
+    return {beta, work, e.polynomial ? Decay::polynomial : Decay::geometric};
+  }
+
+  // The bounds of the exponent of a tail.
+  [[nodiscard]] ExponentRange range() const { return finite_exponents(shown()); }
+
+  // Right for what is declared, too.
+  [[nodiscard]] double tail_exponent() const {
+    const double exponent = tail_exponent_for(survey_);
+    const std::optional<Rates> both = with_declared(advice_, shown());
+    if (!both) return exponent;
+    const double most = default_exponent(*both);
+    return exponent > finite_exponents(*both).low ? std::min(exponent, most) : most;
   }
 
   // Variance x work over all levels: behind those of the model, powers of the level go on for long.
@@ -191,7 +202,7 @@ class Choice {
 
   // The best PMF, or the one next to it that can be drawn, if one of finite variance can.
   AnyPmf pmf_of(const SingleTermForm& form, const TermMoments& all, double* price = nullptr) const {
-    const double exponent = tail_exponent_for(survey_);
+    const double exponent = tail_exponent();
     const auto with = pmfs_of(form, all);
     const AnyPmf best = with(exponent);
     if (drawable(best, form)) return best;
@@ -345,11 +356,15 @@ double highest_moment_of(const Survey& survey, double exponent) {
   return !(excess > 0) ? infinity : (polynomial ? exponent - 1 : exponent) / excess;
 }
 
-std::optional<Rates> slower_declared(const Evidence& evidence, const Rates& shown) {
-  const std::optional<Rates>& declared = evidence.not_there;
-  if (!declared || declared->decay != shown.decay || !(declared->variance_decay < shown.variance_decay)) return {};
-  const Rates limit{declared->variance_decay, shown.work_growth, shown.decay};
-  return pmf_exists(limit) ? std::optional(limit) : std::nullopt;
+std::optional<Rates> with_declared(const Advice& advice, const Rates& shown) {
+  const std::optional<Rates>& declared = advice.facts.declared;
+  const End end = advice.survey.evidence.end;
+  if (!declared || declared->decay != shown.decay || end == End::stated || end == End::rounding) return {};
+  Rates both = shown;
+  if (declared->variance_decay < shown.variance_decay) both.variance_decay = declared->variance_decay;
+  if (declared->work_growth > shown.work_growth) both.work_growth = declared->work_growth;
+  const bool differs = both.variance_decay < shown.variance_decay || both.work_growth > shown.work_growth;
+  return differs && pmf_exists(both) ? std::optional(both) : std::nullopt;
 }
 
 double fewest_blocks_of(const Advice& advice) { return advice.runs_together ? fewest_together : fewest_blocks; }

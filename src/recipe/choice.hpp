@@ -37,9 +37,9 @@ double wanted_members(const Advice& advice, const Plan& plan);
 bool is_drawable(const Advice& advice, std::int64_t deepest_level, bool has_goal);
 /// Moments of a sample are finite below this order, with a PMF of this tail.
 double highest_moment_of(const Survey& survey, double exponent);
-/// Declared rates which the levels, of these rates, fall faster than: they may only not be there yet, so that a tail should be
-/// right for both. Nothing where there are none, or no PMF for them.
-std::optional<Rates> slower_declared(const Evidence& evidence, const Rates& shown);
+/// The slower decay and the faster growth of what the levels show and of what is declared: they may only not be there yet, so that
+/// a tail should be right for both. Nothing where these are no others than shown, or leave no room for a PMF, or the levels end.
+std::optional<Rates> with_declared(const Advice& advice, const Rates& shown);
 
 /// Throws for a goal that nobody will pay for.
 [[noreturn]] void refuse_cost(const Advice& advice, double members);

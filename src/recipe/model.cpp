@@ -4,10 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <optional>
-
-#include "core/infinity.hpp"
-#include "recipe/choice.hpp"
 
 namespace debias {
 namespace {
@@ -96,11 +92,7 @@ double tail_exponent_for(const Survey& s) {
                              ? std::min(s.rates.fourth_decay.value, 2 * r.variance_decay.value)
                              : 2 * r.variance_decay.value;
   if (e.end != End::none && !known) r.variance_decay.value = r.fourth_decay.value = Rates::faster_than_any;
-  if (pmf_exists(rates_of(r))) {
-    const double exponent = default_exponent(r);
-    const std::optional<Rates> slower = slower_declared(e, rates_of(r));
-    return slower ? std::min(exponent, default_exponent(*slower)) : exponent;
-  }
+  if (pmf_exists(rates_of(r))) return default_exponent(r);
   return finite_exponents(rates_of(r)).low + 0.1;  // not known, or too slow: finite work
 }
 

@@ -43,15 +43,17 @@ struct Beyond {
 };
 
 // Nothing where no Dyadic PMF fits.
-std::optional<Beyond> beyond_of(const Survey& s, const std::optional<Rates>& declared, std::string& why) {
-  const Evidence& e = s.evidence;
+std::optional<Beyond> beyond_of(const Advice& plain, std::string& why) {
+  const Evidence& e = plain.survey.evidence;
+  const std::optional<Rates>& declared = plain.facts.declared;
   if (e.polynomial) {
     why = "the differences fall like a power of the level, and blocks of nets need a power of 2";
     return {};
   }
-  const double work = e.exponential_work ? std::max(0.0, e.work.value) : 0;
   const bool ends = e.end == End::stated || e.end == End::zeros || e.end == End::rounding;
   const bool has_rates = declared && declared->decay == Decay::geometric && !e.contradiction;
+  double work = e.exponential_work ? std::max(0.0, e.work.value) : 0;
+  if (has_rates && declared->work_growth > work) work = declared->work_growth;
   if (e.courses.empty() && !ends && !has_rates) {
     why = "too few levels show how they fall";
     return {};
@@ -65,15 +67,13 @@ std::optional<Beyond> beyond_of(const Survey& s, const std::optional<Rates>& dec
     }
     rates.variance_decay =
         has_rates ? std::min(e.decay.value, declared->variance_decay) : e.decay.value - e.decay.error;
-  } else if (!ends) {
-    rates.work_growth = declared->work_growth;
   }
   if (!pmf_exists(rates)) {
     why = "the levels do not show a decay that leaves room for a tail";
     return {};
   }
   double theta = std::min(dyadic_exponent(rates), work + most_exponent_beyond);
-  if (const auto slower = slower_declared(e, rates)) theta = std::min(theta, dyadic_exponent(*slower));
+  if (const auto both = with_declared(plain, rates)) theta = std::min(theta, dyadic_exponent(*both));
   return Beyond{rates.variance_decay, rounded_exponent(theta)};
 }
 
@@ -219,7 +219,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
 std::optional<NetPilot::Found> NetPilot::from(std::int64_t base_level, double work, const Plan& plan,
                                               const Advice& plain, const LevelModel& model, double seconds_left) {
   why_.clear();
-  const std::optional<Beyond> beyond = beyond_of(plain.survey, plain.facts.declared, why_);
+  const std::optional<Beyond> beyond = beyond_of(plain, why_);
   if (!beyond) return {};
   const std::optional<Levels> levels = levels_of(base_level, work, plain.survey, model, beyond->decay);
   if (!levels) return {};

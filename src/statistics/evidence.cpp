@@ -185,6 +185,12 @@ class Scales {
     constexpr double least_growth = 0.05;  // a level
     e_.exponential_work = g > least_growth && geometric <= polynomial;
     e_.work = {e_.exponential_work ? g : p, 0};
+    // A constant beside the power hides a little of it from low levels.
+    constexpr double hidden = 0.25;
+    const std::optional<Rates>& declared = sequence_.declared;
+    if (declared && e_.exponential_work && declared->work_growth > g && declared->work_growth < g + hidden) {
+      e_.work.value = declared->work_growth;
+    }
   }
 
   // R2 and R3.

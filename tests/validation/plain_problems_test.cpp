@@ -110,3 +110,23 @@ TEST_CASE("plain problems by goals: met, honest, hardly ever refused", "[.long][
   CHECK(100 * r.clear_reliable >= 85 * r.clear);
   CHECK_NOFAIL(median(r.pilot_shares) <= 0.2);  // not met: a short run costs less than what shows its levels
 }
+
+TEST_CASE("no recipe of the catalogue has infinite variance or work by the rates of its problem",
+          "[validation][stat]") {
+  int checked = 0;
+  for (const catalog::Problem& p : catalog::problems()) {
+    if (!pmf_exists(p.rates)) continue;
+    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+      Plan plan{.seed = seed, .threads = 1};
+      (p.truth != 0 ? plan.goal.relative_error : plan.goal.error) = 1e-2;
+      const Advice a = advise(p.levels, plan, {.lowest_base = p.lowest_base});
+      if (!a.usable() || a.exponent.decay != p.rates.decay) continue;
+      const ExponentRange finite = finite_exponents(p.rates);
+      CAPTURE(p.id, seed, a.exponent.exponent, finite.low, finite.high);
+      CHECK(a.exponent.exponent > finite.low);
+      CHECK(a.exponent.exponent < finite.high);
+      ++checked;
+    }
+  }
+  CHECK(checked > 120);
+}
