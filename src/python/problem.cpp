@@ -437,10 +437,9 @@ UserProblem levels_problem(const Facts& facts, std::shared_ptr<Lookups> lookups,
 }
 
 UserProblem terms_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, bool path) {
-  const Terms terms(lookups, path);
+  const auto terms = std::make_shared<const Terms>(lookups, path);
   const std::int64_t deepest = std::min(facts.deepest_level, lookups->deepest_level());
-  return plain_problem(facts, std::make_shared<TermLevels>(terms, deepest), lookups,
-                       std::make_shared<const Terms>(terms));
+  return plain_problem(facts, std::make_shared<TermLevels>(*terms, deepest), lookups, terms);
 }
 
 UserProblem mean_problem(const Facts& facts, std::shared_ptr<Lookups> lookups, const std::string& g,

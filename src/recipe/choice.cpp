@@ -140,13 +140,9 @@ class Choice {
   // The bounds of the exponent of a tail.
   [[nodiscard]] ExponentRange range() const { return finite_exponents(shown()); }
 
-  // Right for what is declared, too.
   [[nodiscard]] double tail_exponent() const {
-    const double exponent = tail_exponent_for(survey_);
-    const std::optional<Rates> both = with_declared(advice_, shown());
-    if (!both) return exponent;
-    const double most = default_exponent(*both);
-    return exponent > finite_exponents(*both).low ? std::min(exponent, most) : most;
+    return right_for_declared(tail_exponent_for(survey_), advice_, shown(),
+                              [](const Rates& rates) { return default_exponent(rates); });
   }
 
   // Variance x work over all levels: behind those of the model, powers of the level go on for long.
@@ -356,15 +352,16 @@ double highest_moment_of(const Survey& survey, double exponent) {
   return !(excess > 0) ? infinity : (polynomial ? exponent - 1 : exponent) / excess;
 }
 
-std::optional<Rates> with_declared(const Advice& advice, const Rates& shown) {
+double right_for_declared(double exponent, const Advice& advice, const Rates& shown, double (*best)(const Rates&)) {
   const std::optional<Rates>& declared = advice.facts.declared;
   const End end = advice.survey.evidence.end;
-  if (!declared || declared->decay != shown.decay || end == End::stated || end == End::rounding) return {};
+  if (!declared || declared->decay != shown.decay || end == End::stated || end == End::rounding) return exponent;
   Rates both = shown;
   if (declared->variance_decay < shown.variance_decay) both.variance_decay = declared->variance_decay;
   if (declared->work_growth > shown.work_growth) both.work_growth = declared->work_growth;
   const bool differs = both.variance_decay < shown.variance_decay || both.work_growth > shown.work_growth;
-  return differs && pmf_exists(both) ? std::optional(both) : std::nullopt;
+  if (!differs || !pmf_exists(both)) return exponent;
+  return exponent > finite_exponents(both).low ? std::min(exponent, best(both)) : best(both);
 }
 
 double fewest_blocks_of(const Advice& advice) { return advice.runs_together ? fewest_together : fewest_blocks; }

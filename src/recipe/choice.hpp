@@ -37,9 +37,10 @@ double wanted_members(const Advice& advice, const Plan& plan);
 bool is_drawable(const Advice& advice, std::int64_t deepest_level, bool has_goal);
 /// Moments of a sample are finite below this order, with a PMF of this tail.
 double highest_moment_of(const Survey& survey, double exponent);
-/// The slower decay and the faster growth of what the levels show and of what is declared: they may only not be there yet, so that
-/// a tail should be right for both. Nothing where these are no others than shown, or leave no room for a PMF, or the levels end.
-std::optional<Rates> with_declared(const Advice& advice, const Rates& shown);
+/// An exponent of a tail for the rates that the levels show, made right for what is declared, too: they may only not be there yet.
+/// `best` gives the exponent for the slower decay and the faster growth of both. Left as it is where these are no others than
+/// shown, or leave no room for a PMF, or the levels end.
+double right_for_declared(double exponent, const Advice& advice, const Rates& shown, double (*best)(const Rates&));
 
 /// Throws for a goal that nobody will pay for.
 [[noreturn]] void refuse_cost(const Advice& advice, double members);

@@ -51,9 +51,10 @@ std::optional<Beyond> beyond_of(const Advice& plain, std::string& why) {
     return {};
   }
   const bool ends = e.end == End::stated || e.end == End::zeros || e.end == End::rounding;
-  const bool has_rates = declared && declared->decay == Decay::geometric && !e.contradiction;
+  const bool declares = declared && declared->decay == Decay::geometric;
+  const bool has_rates = declares && !e.contradiction;
   double work = e.exponential_work ? std::max(0.0, e.work.value) : 0;
-  if (has_rates && declared->work_growth > work) work = declared->work_growth;
+  if (declares && declared->work_growth > work) work = declared->work_growth;
   if (e.courses.empty() && !ends && !has_rates) {
     why = "too few levels show how they fall";
     return {};
@@ -72,9 +73,8 @@ std::optional<Beyond> beyond_of(const Advice& plain, std::string& why) {
     why = "the levels do not show a decay that leaves room for a tail";
     return {};
   }
-  double theta = std::min(dyadic_exponent(rates), work + most_exponent_beyond);
-  if (const auto both = with_declared(plain, rates)) theta = std::min(theta, dyadic_exponent(*both));
-  return Beyond{rates.variance_decay, rounded_exponent(theta)};
+  const double theta = std::min(dyadic_exponent(rates), work + most_exponent_beyond);
+  return Beyond{rates.variance_decay, rounded_exponent(right_for_declared(theta, plain, rates, dyadic_exponent))};
 }
 
 }  // namespace
