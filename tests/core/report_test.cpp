@@ -179,7 +179,8 @@ TEST_CASE("far from zero intervals, largest samples and means of levels show whe
     const double x = 1e6 + rng.normal();
     return level == 0 ? base(x) : coupled(x, x);
   };
-  const auto result = estimate(single_term(far, Geometric(0.6)), {.samples = 4000, .seed = 3});
+  auto result = estimate(single_term(far, Geometric(0.6)), {.samples = 4000, .seed = 3});
+  result.seconds = 1;  // an efficiency is rounded, and must not look like a mean that is
   const std::string text = text_of(full(result));
   CHECK_THAT(text, !Contains("1e+06 ") && Contains("\nlargest       100000"));
 }

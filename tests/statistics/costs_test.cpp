@@ -101,7 +101,7 @@ TEST_CASE("work that hardly shows in the time is not accused", "[evidence][input
 
 TEST_CASE("a pilot can be watched, interrupted and limited in time", "[evidence][inputs][pilot]") {
   std::int64_t calls = 0;
-  Plan plan{.samples = 1 << 14};
+  Plan plan{.samples = 1 << 14, .threads = 1};
   plan.progress = [&calls](std::int64_t) { return ++calls < 20; };
   CHECK_THROWS_AS(advise(level_runs(MeanTo{2, true}), plan), Interrupted);
   CHECK(calls == 20);
