@@ -71,15 +71,16 @@ class Left {
 class Levels {
  public:
   explicit Levels(const TermMoments& m) : m_(m) {
-    const std::size_t n = m.work.size();
-    for (std::size_t k = 0; k < n; ++k) {
-      variance_left_.emplace_back(m.variance_left.empty() ? std::vector<double>{} : m.variance_left[k]);
-      base_left_.emplace_back(m.base_left.empty() ? std::vector<double>{} : m.base_left[k]);
-    }
+    const auto first_of = [n = m.work.size()](const std::vector<std::vector<double>>& shares) {
+      const auto end = shares.begin() + static_cast<std::ptrdiff_t>(std::min(n, shares.size()));
+      return std::vector<Left>(shares.begin(), end);
+    };
+    variance_left_ = first_of(m.variance_left);
+    base_left_ = first_of(m.base_left);
   }
 
   [[nodiscard]] double base_variance(std::size_t k, double p) const {
-    return m_.base_variance.empty() ? 0 : m_.base_variance[k] * base_left_[k].at(members_at(p));
+    return m_.base_variance.empty() ? 0 : m_.base_variance[k] * left(base_left_, k, members_at(p));
   }
 
   // a_k
@@ -102,7 +103,7 @@ class Levels {
       result.variance += base_variance(k, p) * p + square(k, p) / p;
       if (!m_.covariance.empty()) {
         const double n = members_at(p);
-        result.variance += 2 * m_.covariance[k] * std::sqrt(base_left_[k].at(n) * variance_left_[k].at(n));
+        result.variance += 2 * m_.covariance[k] * std::sqrt(left(base_left_, k, n) * left(variance_left_, k, n));
       }
       result.work += m_.work[k] * p;
     }
@@ -113,10 +114,14 @@ class Levels {
   }
 
  private:
+  // Nothing is said of it where nothing runs together.
+  static double left(const std::vector<Left>& left, std::size_t k, double members) {
+    return left.empty() ? 1 : left[k].at(members);
+  }
   [[nodiscard]] double members_at(double p) const { return static_cast<double>(m_.block) * p; }
   [[nodiscard]] double square_of(std::size_t k, double members) const {
     if (m_.block <= 1) return m_.variance[k] + m_.mean_square[k];
-    return m_.variance[k] * std::max(least_left, variance_left_[k].at(members)) +
+    return m_.variance[k] * std::max(least_left, left(variance_left_, k, members)) +
            m_.mean_square[k] * std::min(1.0, 1 / (4 * members));
   }
 
@@ -125,15 +130,18 @@ class Levels {
   std::vector<Left> base_left_;
 };
 
-// The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)).
-std::vector<double> best_at_price(const std::vector<double>& a, const std::vector<double>& price) {
+// The p with the least sum_k p_k (b_k + s w_k) + a_k / p_k on the simplex: p_k = sqrt(a_k / (b_k + s w_k + t)). The search for t
+// goes on from where the last one ended.
+std::vector<double> best_at_price(const std::vector<double>& a, const std::vector<double>& price, double& t) {
   const double least = *std::min_element(price.begin(), price.end());
-  // Newton's method on S(t)^-2 = 1, S = sum_k p_k: that is concave, a mean of order -1/2 of the prices, so it comes
-  // from below and never passes the root.
-  double t = 0;  // S >= 1 here: the cheapest level alone asks for that much
+  double lowest = 0;  // S >= 1 here: the cheapest level alone asks for that much
   for (std::size_t k = 0; k < a.size(); ++k) {
-    if (price[k] == least) t = std::max(t, a[k]);
+    if (price[k] == least) lowest = std::max(lowest, a[k]);
   }
+  t = std::max(t, lowest);
+  // Newton's method on S(t)^-2 = 1, S = sum_k p_k: that is concave, a mean of order -1/2 of the prices, so that after a first
+  // step it comes from below and never passes the root.
+  constexpr double close = 1e-8;  // whose square is left behind such a step
   for (int i = 0; i < 100; ++i) {
     double total = 0;
     double slope = 0;  // of S, times -2
@@ -143,9 +151,10 @@ std::vector<double> best_at_price(const std::vector<double>& a, const std::vecto
       total += term;
       slope += term / excess;
     }
-    const double next = t + total * (total * total - 1) / slope;
-    if (!(next > t * (1 + 1e-15))) break;
+    const double next = std::max(lowest, t + total * (total * total - 1) / slope);
+    const bool settles = !(std::abs(next - t) > close * t);
     t = next;
+    if (settles) break;
   }
   std::vector<double> p(a.size());
   double sum = 0;
@@ -207,6 +216,7 @@ std::vector<double> best_masses(const TermMoments& moments) {
   const Levels levels(m);
   std::vector<double> p(n, 1 / static_cast<double>(n));
   std::vector<double> price(n);
+  double t = 0;
   const auto solve_at = [&](double s) {
     double moved = 1;
     const int rounds = m.block > 1 ? 6 : 1;  // strata: a depends on p, and falls up to twice as fast
@@ -216,7 +226,7 @@ std::vector<double> best_masses(const TermMoments& moments) {
         a[k] = levels.square_of_best(k, p[k]);
         price[k] = levels.base_variance(k, p[k]) + s * m.work[k];
       }
-      std::vector<double> next = best_at_price(a, price);
+      std::vector<double> next = best_at_price(a, price, t);
       for (std::size_t k = 0; k < n; ++k) sum += next[k] = m.block > 1 ? std::sqrt(p[k] * next[k]) : next[k];
       moved = 0;
       for (std::size_t k = 0; k < n; ++k) {
