@@ -26,28 +26,41 @@ def save(name, figure):
 
 
 def draw_slopes(paths):
-    """Error against work of ten problems, each by four methods: 64 runs a point of the recipe's, 32 of the others'."""
-    names = {"recipe": "recipe", "plain": "recipe without nets", "multilevel": "multilevel (biased)",
-             "multilevel_nets": "multilevel with nets, by hand (biased)"}
+    """Error against work of ten problems, each by four methods: 64 runs a point of the recipe's, 32 of the others'.
+
+    Prints slopes and last points as a table.
+    """
+    methods = {"recipe": "recipe", "plain": "recipe without nets", "multilevel": "multilevel (biased)",
+               "multilevel_nets": "multilevel with nets, by hand (biased)"}
+    names = {p["id"]: p["name"].replace("-", " ") for p in debias.problems()}
     rows = [r for path in paths for r in json.loads(Path(path).read_text())["benchmarks"]]
-    runs = [r for r in rows if r["name"].startswith("goals/")]
-    problems = sorted({r["name"].split("/")[1] for r in runs})
-    figure, axes = plt.subplots(2, -(-len(problems) // 2), figsize=(12, 5.6), layout="constrained", squeeze=False)
+    runs = {tuple(r["name"].split("/")[1:3]): r for r in rows if r["name"].startswith("goals/")}
+    problems = sorted({problem for problem, _ in runs})
+    figure, axes = plt.subplots(2, -(-len(problems) // 2), figsize=(12, 6), layout="constrained", squeeze=False)
+    figure.suptitle("\n")  # room for the legend
+    print("| slope: error at work |", " | ".join(methods.values()), "|")
+    print("|---" * (len(methods) + 1) + "|")
+    lines = {}
     for ax, problem in zip(axes.flat, problems):
-        for (method, name), marker in zip(names.items(), "os^v"):
-            for r in runs:
-                if r["name"].split("/")[1:3] != [problem, method]:
-                    continue
-                count = sum(key.startswith("work_") for key in r)
-                ax.loglog([r[f"work_{i}"] for i in range(count)], [r[f"error_{i}"] for i in range(count)],
-                          marker=marker, markersize=4, label=f"{name}")
-                ax.set_title(problem, fontsize=10)
+        cells = [f"{problem} {names[problem]}"]
+        for method, color, marker in zip(methods, ("C3", "C1", "C0", "C2"), "os^v"):
+            run = runs.get((problem, method))
+            if run is None:
+                cells.append("")
+                continue
+            count = sum(key.startswith("work_") for key in run)
+            works = [run[f"work_{i}"] for i in range(count)]
+            errors = [run[f"error_{i}"] for i in range(count)]
+            lines[method] = ax.loglog(works, errors, color=color, marker=marker, markersize=4)[0]
+            cells.append(f"{run['slope']:.2f}: {errors[-1]:.2g} at {works[-1]:.2g}")
+        ax.set_title(f"{names[problem]}\nslope {runs[problem, 'recipe']['slope']:.2f}", fontsize=10)
         ax.grid(alpha=0.3)
+        print("|", " | ".join(cells), "|")
     for ax in axes[:, 0]:
         ax.set_ylabel("rms error")
     for ax in axes[-1]:
         ax.set_xlabel("work, pilots included")
-    figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(lines.values(), [methods[method] for method in lines], loc="upper center", ncol=len(lines))
     save("slope", figure)
 
 
