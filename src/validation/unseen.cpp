@@ -58,6 +58,7 @@ template <class S>
 Opinion ask_of(const S& sequence, const Plan& plan) {
   Opinion opinion;
   const Family& family = sequence.family();
+  bool undrawable = false;
   try {
     const auto result = debias::estimate(debias::recipe(sequence), plan);
     const RunVerdict verdict = result.verdict();
@@ -88,6 +89,7 @@ Opinion ask_of(const S& sequence, const Plan& plan) {
   } catch (const std::exception& refusal) {
     opinion.refused = true;
     opinion.refusal = refusal.what();
+    undrawable = dynamic_cast<const UndrawableError*>(&refusal) != nullptr;
   }
   try {
     const Advice advice = debias::advise(debias::level_runs(sequence), plan);
@@ -96,7 +98,7 @@ Opinion ask_of(const S& sequence, const Plan& plan) {
     opinion.grade = opinion.answer == Said::open ? Certainty::open : grade_of(advice.survey, Certainty::shown);
     opinion.pilot_work = advice.pilot_work;
     if (!advice.survey.rows.empty()) opinion.deepest = advice.survey.rows.back().level;
-    opinion.failed = advice.usable();
+    opinion.failed = advice.usable() && !undrawable;
   } catch (const std::exception&) {
     opinion.failed = true;
   }

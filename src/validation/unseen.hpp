@@ -34,7 +34,7 @@ struct Opinion {
   Said answer = Said::open;
   Certainty grade = Certainty::open;  ///< open iff the answer is
   bool refused = false;               ///< there is no estimate
-  bool failed = false;                ///< by another exception than a no: a defect
+  bool failed = false;                ///< by another exception than a no, or that levels do not fit 64 bits: a defect
   std::string refusal = {};
   Said variance_finite = Said::open;  ///< of the run
   Certainty variance_grade = Certainty::open;

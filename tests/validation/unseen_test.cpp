@@ -344,3 +344,20 @@ TEST_CASE("a run over unseen families is the same for any threads, can be interr
   CHECK_THROWS_AS(run_unseen(29, 0, 1), std::invalid_argument);
   CHECK_THROWS_AS(run_unseen(29, 1, 0), std::invalid_argument);
 }
+
+TEST_CASE("a refusal since levels do not fit 64 bits is no defect, and names what can be drawn",
+          "[validation][exact]") {
+  Family slow;
+  slow.kind = Kind::polynomial;
+  slow.powers = slow.work_powers = true;
+  slow.beta = 2.3;
+  slow.gamma = 0.2;
+  for (const Family& family : {slow, draw_family(13944001, 39)}) {
+    const Opinion opinion = ask(family, {.samples = 1 << 16, .seed = 1, .threads = 1});
+    CHECK(opinion.refused);
+    CHECK_FALSE(opinion.failed);
+    CHECK(opinion.answer != Said::no);
+    CHECK(opinion.refusal.find("does not fit 64 bits") != std::string::npos);
+    CHECK(opinion.refusal.find("the PMF zeta:s=") != std::string::npos);
+  }
+}
