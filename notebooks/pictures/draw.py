@@ -53,7 +53,8 @@ def draw_slopes(paths):
             errors = [run[f"error_{i}"] for i in range(count)]
             lines[method] = ax.loglog(works, errors, color=color, marker=marker, markersize=4)[0]
             cells.append(f"{run['slope']:.2f}: {errors[-1]:.2g} at {works[-1]:.2g}")
-        ax.set_title(f"{names[problem]}\nslope {runs[problem, 'recipe']['slope']:.2f}", fontsize=10)
+        recipe = runs.get((problem, "recipe"), {})
+        ax.set_title(f"{names[problem]}\nslope {recipe.get('slope', np.nan):.2f}", fontsize=10)
         ax.grid(alpha=0.3)
         print("|", " | ".join(cells), "|")
     for ax in axes[:, 0]:

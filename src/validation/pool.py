@@ -27,10 +27,13 @@ def pooled(reports):
                 for run in r["runs"]
                 if run.get("width") and family[run["family"]]["within"] and (run["grade"] == "open") == is_open
             ]
-            median = statistics.median(widths)
+            median = statistics.median(widths or [0])
             yield name, f"{median:.2f}", len(widths), demand, median <= float(demand.split()[2]), gates
             continue
         total = sum(g["of"] for g in gates)
+        if total == 0:  # nothing to judge
+            yield name, "", 0, demand, True, gates
+            continue
         if demand.startswith("at least"):
             share = sum(g["measured"] * g["of"] for g in gates) / total
             holds = share >= float(demand.split()[2])
