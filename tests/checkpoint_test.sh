@@ -118,6 +118,17 @@ check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.01 
 for i in 1 2; do answer run A03 --estimator recipe --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
 check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe | without_work)" \
   "$(echo "$recipe" | without_recipe | without_work)"
+for doubt in "E03 4 no_second_moment" "B17 1 aliased_differences"; do # of the pilot, which is not made again
+  set -- $doubt
+  recipe=$(answer run $1 --seed $2 --estimator recipe --samples 2e4 --checkpoint d$1)
+  check "and is resumed with its doubt" same "$(answer resume d$1 | without_recipe)" "$(echo "$recipe" | without_recipe)"
+  check "which stands in its JSON" has "\"$3\"" answer.json
+  "$debias" resume d$1 > out 2> err
+  check "and in its text" has "^warning " out
+  for i in 1 2; do answer run $1 --seed $2 --estimator recipe --samples 2e4 --shard $i/2 --checkpoint d$1$i > /dev/null; done
+  check "its shards have it, too" same "$(answer merge d${1}1 d${1}2 | without_recipe | without_work)" \
+    "$(echo "$recipe" | without_recipe | without_work)"
+done
 recipe=$(answer run E02 --estimator recipe --samples 2e7)
 "$debias" run E02 --estimator recipe --samples 2e7 --checkpoint rk --threads 1 >/dev/null 2>&1 &
 pid=$!

@@ -5,6 +5,7 @@ $MPIEXEC, of which one is killed. By hand, some minutes:
 """
 
 import collections
+import difflib
 import os
 import pathlib
 import random
@@ -186,7 +187,9 @@ with tempfile.TemporaryDirectory() as folder:
             kills, torn, with_records = kills + 1, torn + (rest > 0), with_records + (held > 0)
             successors += os.path.exists(path + ".debias-new")
         if ended != expected or expected[0] != 0:
-            failures.append(f"another result: {words}, exit code {ended[0]} for {expected[0]}")
+            texts = [text.splitlines() for _, text in (expected, ended)]
+            failures.append("\n".join([f"another result: {words}, exit code {ended[0]} for {expected[0]}",
+                                       *difflib.unified_diff(*texts, lineterm="", n=0)]))
 stuck = launched.pop("stuck", 0)
 if most_ranks > 1:
     print(*(f"{n} of {r} ranks" for r, n in sorted(launched.items())), f"launchers that did not end: {stuck}", sep="; ")

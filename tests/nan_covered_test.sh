@@ -17,7 +17,7 @@ no_callable='
               inverse_weight_error invert_tail judge pmf_exists rates_of rates_of_sum refuse_uniform
               tail_exponent_for
  results:     batch_interval bound_of survey_of fit_pareto interval_of median_of_means merge model_of name_of predict
-              samples_for_mean tail_index tail_size usable_tail_index with_error
+              samples_for_mean tail_index tail_size usable_tail_index warning_named with_error
  statistics:  believed dependence_of doubt_of exponent_of fourth_moment_diverges full interval_with is_note log2_work
               meeting_tail net_blocks part_in_variance print_full print_terms row_of slow_terms together upper weigh
  files:       read_run save_run

@@ -109,8 +109,8 @@ Recipe<S> recipe(S sequence, const RecipeOptions& options = {}) {
 namespace detail {
 /// Which points were drawn, and why, in one line.
 void print_points(std::ostream& out, const Advice& advice);
-/// The warnings of an advice that its result has not.
-void print_doubts(std::ostream& out, const Advice& advice, const Statistics& result);
+/// All of it but the doubts, which the result has.
+void print_chosen(std::ostream& out, const Advice& advice);
 }  // namespace detail
 
 /// A result with the advice that it followed.
@@ -123,13 +123,12 @@ template <Value V>
 std::ostream& operator<<(std::ostream& out, const RecipeResult<V>& result) {
   out << static_cast<const Statistics&>(result);
   detail::print_points(out, result.advice);
-  detail::print_doubts(out, result.advice, result);
   return out;
 }
 template <Value V>
 void print_full(std::ostream& out, const RecipeResult<V>& result) {
   print_full(out, static_cast<const Statistics&>(result));
-  print_full(out, result.advice);
+  detail::print_chosen(out, result.advice);
 }
 
 /// The estimator that an advice names; `trace` replays the block of a sample.
@@ -144,7 +143,7 @@ namespace detail {
 /// The plan of the run, with the pilot that it took. Throws NoPmfError where no PMF has finite variance and finite
 /// work.
 Plan plan_of(const Plan& plan, const Advice& advice);
-/// Goal of the whole, and its doubts as warnings, for the result of that run.
+/// Goal of the whole, and the doubts of its advice, for the result of that run.
 void follow(Statistics& statistics, const Advice& advice, const Goal& goal);
 }  // namespace detail
 

@@ -63,6 +63,7 @@ void layout(Way& way, RunRequest& r) {
   way.share("confidence", r.confidence);
   way.shard(r.shard);
   goal(way, r.served, "served_");
+  way.doubts(r.doubts);
 }
 
 template <class Way>

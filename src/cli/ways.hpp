@@ -196,6 +196,18 @@ class Reader {
     };
     x = Shard{part(t.substr(0, slash), "--shard, I"), part(t.substr(slash + 1), "--shard, N")};
   }
+  void doubts(std::vector<Warning>& x) const {
+    const auto at = words_.values.find("doubts");
+    if (at == words_.values.end()) return;  // checkpoints of before have none
+    const std::string& t = at->second;
+    for (std::size_t begin = 0; begin < t.size();) {
+      const std::size_t middle = t.find('\t', begin);
+      const std::size_t end = middle == t.npos ? t.npos : t.find('\t', middle + 1);
+      if (end == t.npos) throw std::invalid_argument("doubts = '" + t + "' (cut short)");
+      x.push_back({warning_named(t.substr(begin, middle - begin)), t.substr(middle + 1, end - middle - 1)});
+      begin = end + 1;
+    }
+  }
 
  private:
   const Words& words_;
@@ -267,6 +279,12 @@ class Writer {
   void family(Family x) { text("family", name_of(x)); }
   void shard(const std::optional<Shard>& x) {
     text("shard", x ? std::to_string(x->index) + "/" + std::to_string(x->of) : "");
+  }
+  // The code and the text of each, a tab behind either.
+  void doubts(const std::vector<Warning>& x) {
+    std::string t;
+    for (const Warning& doubt : x) t += std::string(name_of(doubt.code)) + '\t' + doubt.text + '\t';
+    text("doubts", t);
   }
 
   Words words;

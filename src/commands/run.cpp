@@ -10,7 +10,6 @@
 
 #include "core/words.hpp"
 #include "describe.hpp"
-#include "recipe/prose.hpp"
 #include "store.hpp"
 #include "text.hpp"
 #include "validation/validation.hpp"
@@ -50,14 +49,6 @@ Node describe_goal(const Statistics& s) {
   if (!g.asked()) return "samples";
   const char* name = g.error > 0 ? "error" : (g.relative_error > 0 ? "relative_error" : "seconds");
   return Fields{{name, g.error + g.relative_error + g.seconds}, {"met", s.goal_met()}};
-}
-
-// What the text says: the doubts of the samples, and those of the recipe that they do not repeat.
-std::vector<Warning> warnings_of(const RunReport& run) {
-  std::vector<Warning> all = run.statistics.warnings;
-  if (!run.advice) return all;
-  for (Warning& doubt : doubts_beside(*run.advice, run.statistics)) all.push_back(std::move(doubt));
-  return all;
 }
 
 std::string text_of(const Shard& shard) {
@@ -146,7 +137,10 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   }
 
   RunRequest now = request;
-  if (advice) now.shape = shape_of(choice);
+  if (advice) {
+    now.shape = shape_of(choice);
+    now.doubts = advice->warnings;
+  }
   if (earlier.sums) {
     plan.earlier = earlier.sums;
     if (goal.asked()) plan.samples = earlier.samples;
@@ -172,7 +166,8 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   total = plan.goal.asked() ? 0 : static_cast<double>(plan.samples);
   const DeclaredFiniteness verdict = verdict_of(problem, choice);
   Statistics statistics = problem.run(choice, plan);
-  if (advice) debias::detail::follow(statistics, *advice, goal);
+  if (advice) statistics.goal = goal;
+  debias::detail::add_new(statistics.warnings, now.doubts);
   if (choice.base_level < problem.lowest_base) {
     statistics.warnings.push_back(
         {WarningCode::base_level,
@@ -219,10 +214,13 @@ std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
 KeptRun merged(const MergeRequest& request) {
   KeptRun whole;
   RunState sums;
+  std::vector<Warning> doubts;
   bool any = false;
   for (const auto& [name, kept] : request.shards) {
     RunRequest shard = kept.request;
     shard.shard.reset();
+    // A doubt of a pilot's seconds is not in every shard.
+    debias::detail::add_new(doubts, std::exchange(shard.doubts, {}));
     if (whole.request.problem == nullptr) {
       whole.request = shard;
     } else if (!request.same(whole.request, shard)) {
@@ -250,6 +248,7 @@ KeptRun merged(const MergeRequest& request) {
                   " are missing; add the other shards, or finish them with `debias resume`");
   }
   whole.sums = std::make_shared<RunState>(std::move(sums));
+  whole.request.doubts = std::move(doubts);
   return whole;
 }
 
@@ -273,10 +272,9 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
   if (!run.advice) return;
   if (full) {
-    print_full(out, *run.advice);
+    debias::detail::print_chosen(out, *run.advice);
   } else {
     debias::detail::print_points(out, *run.advice);
-    debias::detail::print_doubts(out, *run.advice, s);
   }
   if (!full || run.problem->id.empty()) return;
   print_line(out, "replay",
@@ -320,7 +318,7 @@ Fields fields(const RunReport& run) {
                                 {"sentence", run.verdict.sentence}}}});
   if (s.nonfinite == 0 && s.blocks > 1) f.push_back({"evidence", describe(run.evidence)});
   append(f, {{"coupling", describe(s.coupling)},
-             {"warnings", warnings_of(run)},
+             {"warnings", s.warnings},
              {"nonfinite", s.nonfinite},
              {"goal", describe_goal(s)},
              {"recipe", run.advice ? Node(describe(*run.advice)) : Node(nullptr)},

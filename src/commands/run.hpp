@@ -34,7 +34,8 @@ struct RunRequest {
   Sampling sampling = {};
   double confidence = 0.95;  ///< of the interval
   std::optional<Shard> shard = {};
-  Goal served = {};  ///< the goal whose pilot has fixed the samples, which the report names
+  Goal served = {};                  ///< the goal whose pilot has fixed the samples, which the report names
+  std::vector<Warning> doubts = {};  ///< of the recipe that has chosen the rest, which the report repeats
 };
 
 struct RunReport {

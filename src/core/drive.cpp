@@ -175,7 +175,8 @@ Statistics with_rounding(Statistics s, double epsilon) {
   const Accumulator sums = s.state.total();
   s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
   const std::optional<Warning> warning = warning_of(s.coupling);
-  if (warning) s.warnings.insert(s.warnings.begin(), *warning);
+  const bool is_known = warning && warning->code == WarningCode::coupling && s.has_wrong_coupling();
+  if (warning && !is_known) s.warnings.insert(s.warnings.begin(), *warning);
   if (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(s, epsilon);
   return s;
 }

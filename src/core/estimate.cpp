@@ -372,6 +372,15 @@ Warning fewer_threads_warning(int threads) {
           "longer."};
 }
 
+std::vector<Warning> lasting(const std::vector<Warning>& warnings) {
+  std::vector<Warning> kept;
+  for (const Warning& w : warnings) {
+    const bool of_levels = w.code >= WarningCode::coupling && w.code <= WarningCode::deepest_level;
+    if (of_levels && w.code != WarningCode::zero_differences) kept.push_back(w);
+  }
+  return kept;
+}
+
 Statistics merge(const Statistics& a, const Statistics& b) {
   const auto refuse = [](const std::string& what) { throw std::invalid_argument("merge: " + what); };
   a.state.identity.demand_same(b.state.identity, "merge");
@@ -397,19 +406,13 @@ Statistics merge(const Statistics& a, const Statistics& b) {
   }
   statistics.masses = a.masses.empty() ? b.masses : a.masses;
   add_warnings(statistics);
-  // What was found with points that no state keeps, and what that took.
+  // What was found with points that no state keeps and by pilots, and what that took.
   for (const Statistics* part : {&a, &b}) {
     const double extra = part->pilot_work - part->state.pilot.work;
     statistics.work += extra;
     statistics.pilot_work += extra;
   }
-  for (const Statistics* part : {&a, &b}) {
-    const auto found = std::find_if(part->warnings.begin(), part->warnings.end(),
-                                    [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
-    if (found == part->warnings.end()) continue;
-    statistics.warnings.push_back(*found);
-    break;
-  }
+  for (const Statistics* part : {&a, &b}) add_new(statistics.warnings, lasting(part->warnings));
   return statistics;
 }
 

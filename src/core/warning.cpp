@@ -1,8 +1,11 @@
 #include <debias/core/warning.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <ostream>
+#include <stdexcept>
+#include <string>
 
 namespace debias {
 namespace {
@@ -59,7 +62,23 @@ static_assert(is_in_order(), "a row for each code, in their order");
 }  // namespace
 
 const char* name_of(WarningCode code) { return table[static_cast<std::size_t>(code)].name; }
+
+WarningCode warning_named(std::string_view name) {
+  for (const Row& row : table) {
+    if (row.name == name) return row.code;
+  }
+  throw std::invalid_argument("no warning '" + std::string(name) + "'");
+}
+
 bool is_note(WarningCode code) { return table[static_cast<std::size_t>(code)].is_note; }
+
+void detail::add_new(std::vector<Warning>& warnings, const std::vector<Warning>& doubts) {
+  const std::vector<Warning> known = warnings;
+  for (const Warning& doubt : doubts) {
+    const auto same = [&doubt](const Warning& w) { return w.code == doubt.code; };
+    if (std::none_of(known.begin(), known.end(), same)) warnings.push_back(doubt);
+  }
+}
 
 std::ostream& operator<<(std::ostream& out, const Warning& warning) { return out << warning.text; }
 

@@ -82,6 +82,9 @@ py::dict settled_of(const commands::RunRequest& now) {
   if (now.served.error > 0) d["served_error"] = now.served.error;
   if (now.served.relative_error > 0) d["served_relative_error"] = now.served.relative_error;
   if (now.served.seconds > 0) d["served_seconds"] = now.served.seconds;
+  py::list doubts;
+  for (const Warning& doubt : now.doubts) doubts.append(py::make_tuple(name_of(doubt.code), doubt.text));
+  if (!now.doubts.empty()) d["doubts"] = doubts;
   return d;
 }
 

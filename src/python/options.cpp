@@ -1,7 +1,10 @@
 #include "options.hpp"
 
+#include <pybind11/stl.h>
+
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/text.hpp"
 
@@ -80,6 +83,14 @@ double Options::share(const char* name) const {
   return parse_share(text(name), name);
 }
 
+std::vector<Warning> Options::warnings(const char* name) const {
+  std::vector<Warning> all;
+  for (auto& [code, text] : given_[name].cast<std::vector<std::pair<std::string, std::string>>>()) {
+    all.push_back({warning_named(code), std::move(text)});
+  }
+  return all;
+}
+
 // The points of a sweep are something else.
 commands::Shape shape_of(const Options& options, bool with_points) {
   commands::Shape s;
@@ -102,6 +113,7 @@ commands::RunRequest run_request(const catalog::Problem& problem, const Options&
   if (options.has("served_error")) r.served.error = options.positive("served_error");
   if (options.has("served_relative_error")) r.served.relative_error = options.positive("served_relative_error");
   if (options.has("served_seconds")) r.served.seconds = options.positive("served_seconds");
+  if (options.has("doubts")) r.doubts = options.warnings("doubts");
   return r;
 }
 

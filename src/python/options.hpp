@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "commands/advise.hpp"
 #include "commands/multilevel.hpp"
@@ -28,6 +29,8 @@ class Options {
   [[nodiscard]] double positive(const char* name) const;
   [[nodiscard]] double seconds(const char* name) const;
   [[nodiscard]] double share(const char* name) const;
+  /// From pairs of code and text.
+  [[nodiscard]] std::vector<Warning> warnings(const char* name) const;
 
  private:
   [[nodiscard]] bool is_number(const char* name) const;

@@ -149,7 +149,7 @@ std::ostream& operator<<(std::ostream& out, const Advice& advice) {
   return out;
 }
 
-void print_full(std::ostream& out, const Advice& advice) {
+void detail::print_chosen(std::ostream& out, const Advice& advice) {
   const char* name = "recipe";
   for (const std::string& sentence : advice.sentences) {
     print_line(out, name, sentence);
@@ -160,24 +160,15 @@ void print_full(std::ostream& out, const Advice& advice) {
   for (const Warning& remark : advice.survey.remarks) {
     if (is_note(remark.code)) print_line(out, "remark", remark.text);
   }
+}
+
+void print_full(std::ostream& out, const Advice& advice) {
+  detail::print_chosen(out, advice);
   for (const Warning& warning : advice.warnings) print_line(out, "warning", warning.text);
 }
 
 void detail::print_points(std::ostream& out, const Advice& advice) {
   if (advice.points == Points::nets || advice.why_points != "as asked") print_line(out, "points", points_text(advice));
-}
-
-std::vector<Warning> doubts_beside(const Advice& advice, const Statistics& result) {
-  std::vector<Warning> doubts;
-  for (const Warning& doubt : advice.warnings) {
-    const auto same = [&doubt](const Warning& w) { return w.code == doubt.code; };
-    if (std::none_of(result.warnings.begin(), result.warnings.end(), same)) doubts.push_back(doubt);
-  }
-  return doubts;
-}
-
-void detail::print_doubts(std::ostream& out, const Advice& advice, const Statistics& result) {
-  for (const Warning& doubt : doubts_beside(advice, result)) print_line(out, "warning", doubt.text);
 }
 
 namespace {
@@ -217,13 +208,7 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
-  const bool aliased = std::any_of(statistics.warnings.begin(), statistics.warnings.end(),
-                                   [](const Warning& w) { return w.code == WarningCode::aliased_differences; });
-  for (const Warning& remark : advice.survey.remarks) {
-    const bool wrong =
-        remark.code == WarningCode::coupling || (remark.code == WarningCode::aliased_differences && !aliased);
-    if (wrong) statistics.warnings.push_back({remark.code, remark.text + "."});
-  }
+  add_new(statistics.warnings, advice.warnings);
 }
 
 }  // namespace debias

@@ -135,6 +135,8 @@ TEST_CASE("a request that a checkpoint keeps is read as itself", "[cli][requests
       r.shard.reset();
       r.served.relative_error = 1e-300;
       CHECK(survives(r));
+      r.doubts = {{WarningCode::no_second_moment, "a = b: c"}, {WarningCode::no_second_moment, ""}};
+      CHECK(survives(r));
       r.sampling.samples.reset();
       r.sampling.goal.seconds = 1.0 / 3;
       CHECK(survives(r));

@@ -9,6 +9,8 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <tuple>
+#include <vector>
 
 #include "catch_shim.hpp"
 #include "commands/advise.hpp"
@@ -327,24 +329,80 @@ TEST_CASE("a warning in JSON has a code and a text", "[commands][exact]") {
   CHECK(to_json(one).find(R"("code": "one_sample")") != std::string::npos);
 }
 
-// Readers of JSON and of Python's `warnings` did not see what a recipe doubts.
-TEST_CASE("the warnings of a run by a recipe are those that its text prints", "[commands][exact]") {
-  RunReport report = run({.problem = &problem(),
-                          .shape = {.estimator = commands::Estimator{.recipe = true}},
-                          .sampling = {.samples = 10'000}});
-  REQUIRE(report.advice);
-  report.statistics.warnings = {{WarningCode::coupling, "of the run"}};
-  report.advice->warnings = {{WarningCode::no_second_moment, "of the recipe"}, {WarningCode::coupling, "of both"}};
-  std::ostringstream text;
-  print(text, report);
-  CHECK_THAT(text.str(),
-             Catch::Contains("of the run") && Catch::Contains("of the recipe") && !Catch::Contains("of both"));
-  const Fields all = fields(report);
-  const auto warnings =
-      std::find_if(all.begin(), all.end(), [](const auto& field) { return field.name == "warnings"; });
-  REQUIRE(warnings != all.end());
-  const std::string json = pretty_json(Fields{*warnings});
-  CHECK_THAT(json, Catch::Contains("of the run") && Catch::Contains("of the recipe") && !Catch::Contains("of both"));
+// Readers of JSON and of Python's `warnings` did not see what a recipe doubts, nor did whoever resumed a run.
+TEST_CASE("what a recipe doubts is said by its run, and by all that it becomes", "[commands][exact]") {
+  const std::vector<Warning> doubts = {{WarningCode::no_second_moment, "of the first levels"},
+                                       {WarningCode::no_second_moment, "of the last"},
+                                       {WarningCode::one_sample, "which the run says itself"}};
+  const auto said = [&](const RunRequest& request, const Earlier& earlier = {}) {
+    const RunReport report = run(request, {}, earlier);
+    std::ostringstream text;
+    print(text, report);
+    const Fields all = fields(report);
+    const auto warnings =
+        std::find_if(all.begin(), all.end(), [](const auto& field) { return field.name == "warnings"; });
+    REQUIRE(warnings != all.end());
+    const std::string json = pretty_json(Fields{*warnings});
+    for (const Warning& warning : report.statistics.warnings) {
+      CHECK_THAT(text.str(), Catch::Contains(warning.text));
+      CHECK_THAT(json, Catch::Contains(warning.text));
+    }
+    return report.statistics.warnings;
+  };
+  RunRequest request{.problem = &problem(), .sampling = {.samples = 1}, .doubts = doubts};
+  std::vector<Warning> all = said(request);
+  REQUIRE(all.size() == 3);
+  CHECK(all[0].code == WarningCode::one_sample);
+  CHECK(all[0].text != doubts[2].text);
+  CHECK(std::vector<Warning>(all.begin() + 1, all.end()) == std::vector<Warning>(doubts.begin(), doubts.begin() + 2));
+
+  request.sampling.samples = 5000;
+  KeptRun kept;
+  run(request, {}, {}, [&](const RunRequest& now, const RunState& sums) {
+    kept = {now, std::make_shared<RunState>(sums)};
+  });
+  CHECK(kept.request.doubts == doubts);
+  for (const ResumeRequest& resumed : {ResumeRequest{.kept = kept}, ResumeRequest{.kept = kept, .samples = 6000},
+                                       ResumeRequest{.kept = kept, .goal = {.error = 0.01}}}) {
+    const auto [longer, earlier] = extended(resumed);
+    CHECK(said(longer, earlier) == doubts);
+  }
+
+  MergeRequest shards;
+  shards.same = [](const RunRequest& a, const RunRequest& b) { return a.doubts == b.doubts; };
+  for (const std::int64_t i : {1, 2}) {
+    RunRequest part = request;
+    part.shard = Shard{i, 2};
+    if (i == 2) part.doubts = {doubts[1], {WarningCode::unexplained_time, "by the clock of one shard"}};
+    run(part, {}, {}, [&](const RunRequest& now, const RunState& sums) {
+      shards.shards.emplace_back("part", KeptRun{now, std::make_shared<RunState>(sums)});
+    });
+  }
+  const KeptRun whole = merged(shards);
+  std::vector<Warning> both = doubts;
+  both.push_back(shards.shards[1].second.request.doubts[1]);
+  CHECK(said(whole.request, {whole.sums}) == both);
+}
+
+TEST_CASE("a run by a recipe keeps what the recipe doubts", "[commands][exact]") {
+  for (const auto& [name, seed, doubt] : {std::tuple("B17", 1, WarningCode::aliased_differences),
+                                          {"E03", 4, WarningCode::no_second_moment},
+                                          {"I05", 1, WarningCode::declared_rates}}) {
+    INFO(name);
+    KeptRun kept;
+    const RunReport report = run({.problem = &catalog::find(name),
+                                  .shape = {.estimator = commands::Estimator{.recipe = true}},
+                                  .sampling = {.samples = 20'000, .seed = static_cast<std::uint64_t>(seed)}},
+                                 {}, {}, [&](const RunRequest& now, const RunState& sums) {
+                                   kept = {now, std::make_shared<RunState>(sums)};
+                                 });
+    REQUIRE(kept.request.doubts.size() == 1);
+    CHECK(kept.request.doubts[0].code == doubt);
+    const auto [request, earlier] = extended({.kept = kept});
+    const std::vector<Warning> again = run(request, {}, earlier).statistics.warnings;
+    CHECK(again == report.statistics.warnings);
+    CHECK(std::any_of(again.begin(), again.end(), [&](const Warning& w) { return w.code == doubt; }));
+  }
 }
 
 TEST_CASE("no PMF is another refusal than a request that cannot be done", "[commands][exact]") {

@@ -136,7 +136,7 @@ TEST_CASE("of more than 16 components a report shows three at either end and say
 }
 
 TEST_CASE("no text decides in the library: the codes of warnings do", "[report][exact]") {
-  // A sentence that was rewritten loses nothing: follow() and print_doubts() compare codes.
+  // A sentence that was rewritten loses nothing: add_new() compares codes.
   const auto result = estimate([](Stream&) { return 0.1; }, {.samples = 1000});
   REQUIRE(result.warnings.size() == 1);
   CHECK(result.warnings[0].code == WarningCode::equal_samples);

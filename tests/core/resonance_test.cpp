@@ -86,6 +86,28 @@ TEST_CASE("a merged run keeps what its parts found and what that took", "[core][
   CHECK(is_warned(merged.warnings));
 }
 
+// A pilot's doubts were lost by merge and extend.
+TEST_CASE("a doubt of the levels outlives merge and extend, one of the samples is judged again", "[core][exact]") {
+  const auto e = single_term(transmitted(Wave{.periods = 3.3}));
+  const auto part = [&](std::int64_t first, std::int64_t samples) {
+    return estimate(e, {.samples = samples, .seed = 3, .first = first, .threads = 1});
+  };
+  auto a = part(0, 4096);
+  const auto b = part(4096, 8192);
+  REQUIRE(a.warnings.empty());
+  REQUIRE(b.warnings.empty());
+  const std::vector<Warning> doubts = {{WarningCode::coupling, "of a pilot"},
+                                       {WarningCode::no_second_moment, "of level 3"},
+                                       {WarningCode::no_second_moment, "of level 4"}};
+  a.warnings = doubts;
+  a.warnings.push_back({WarningCode::uncertain_error, "of few samples"});
+  CHECK(merge(b, a).warnings == doubts);
+  CHECK(merge(a, b).warnings == doubts);
+  const auto longer = extend(e, a, {.samples = 10'000, .threads = 1});
+  CHECK(longer.warnings == doubts);
+  CHECK(longer.has_wrong_coupling());
+}
+
 TEST_CASE("an integrand in step with the comb is warned of: 1024 periods under exp", "[resonance]") {
   const Wave wave{1024};
   const auto r = estimate(single_term(transmitted(wave)), {.samples = 1 << 14, .seed = 1});

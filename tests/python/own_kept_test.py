@@ -47,6 +47,22 @@ class Kept(Quiet):
                 other = debias.estimate(problem, shard=(3, 3), **{**options, "seed": 6})
                 self.raises(ValueError, "different runs", debias.merge, *parts[:2], other)
 
+    def test_what_a_recipe_doubts_is_kept(self):
+        for problem, seed, doubt in (("E03", 4, "no_second_moment"), ("B17", 1, "aliased_differences")):
+            with self.subTest(problem), tempfile.TemporaryDirectory() as folder:
+                options = {"estimator": "recipe", "samples": 20_000, "seed": seed}
+                whole = debias.estimate(problem, **options)
+                codes = [w.code for w in whole.warnings]
+                self.assertIn(doubt, codes)
+                kept = {"checkpoint": Path(folder) / "run", **options}
+                parts = [debias.estimate(problem, shard=(i, 2), **options) for i in (1, 2)]
+                for name, again in (("kept", debias.estimate(problem, **kept)), ("resumed", debias.estimate(problem, **kept)),
+                                    ("merged", debias.merge(*parts)), ("by the other shard first", debias.merge(*parts[::-1])),
+                                    ("longer", debias.extend(pickle.loads(pickle.dumps(whole)), samples=whole.samples))):
+                    with self.subTest(name):
+                        self.assertEqual([w.code for w in again.warnings], codes)
+                        self.assertIn("\nwarning  ", str(again))
+
     def test_extend(self):
         for name, problem in self.PROBLEMS.items():
             with self.subTest(name):

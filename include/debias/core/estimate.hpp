@@ -83,6 +83,8 @@ Identity identity_of(const E& estimator) {
 }
 
 Statistics merge(const Statistics& a, const Statistics& b);
+/// Those of the levels: a pilot, or points that no state keeps, may have told them, and more samples do not take them back.
+std::vector<Warning> lasting(const std::vector<Warning>& warnings);
 /// Judges the coupling of the levels, and warns first of all of a wrong one; says where the standard error is below the rounding
 /// of the values themselves.
 Statistics with_rounding(Statistics statistics, double epsilon);
@@ -213,7 +215,9 @@ Result<estimate_value_t<E>> extend(const E& estimator, const RunState& state, Pl
 /// The same for a result.
 template <Estimator E>
 Result<estimate_value_t<E>> extend(const E& estimator, const Result<estimate_value_t<E>>& result, Plan plan) {
-  return debias::extend(estimator, result.state, std::move(plan));
+  auto longer = debias::extend(estimator, result.state, std::move(plan));
+  detail::add_new(longer.warnings, detail::lasting(result.warnings));
+  return longer;
 }
 
 /// The union of two results of one estimator and seed over neighbouring ranges of samples, in either order:

@@ -8,7 +8,9 @@
 
 #include <iosfwd>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 namespace debias {
 
@@ -55,6 +57,8 @@ enum class WarningCode {
 
 /// "coupling", "few_draws", ...: the name of the enumerator.
 const char* name_of(WarningCode code);
+/// The code of such a name. Throws std::invalid_argument.
+WarningCode warning_named(std::string_view name);
 
 /// True for what an answer has taken into account already (a fall beyond any power, levels that a fit leaves out): a brief
 /// report is silent about it.
@@ -66,6 +70,11 @@ struct Warning {
 };
 
 inline bool operator==(const Warning& a, const Warning& b) { return a.code == b.code && a.text == b.text; }
+
+namespace detail {
+/// Those whose code `warnings` has not.
+void add_new(std::vector<Warning>& warnings, const std::vector<Warning>& doubts);
+}  // namespace detail
 
 /// The text alone.
 std::ostream& operator<<(std::ostream& out, const Warning& warning);

@@ -147,7 +147,7 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
     for other in results:
         if other._state is None:
             raise ValueError("merge: a result of multilevel (has no samples to join)")
-        if (other["problem"], other._settled) != (first["problem"], first._settled):
+        if other["problem"] != first["problem"] or _asked(other) != _asked(first):
             raise ValueError("merge: results of different runs (problem, options, seed and samples must be the same)")
     state = first._state
     for other in results[1:]:
@@ -155,7 +155,15 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
     if state.first != 0 or not state.contiguous or state.last < first._settled["samples"]:
         raise ValueError(f"merge: the shards leave out some of the {first._settled['samples']} samples (each of (1, n) ... (n, n) "
                          "must be there)")
-    return _run(first._problem_or(problem), dict(first._settled), earlier=state)
+    doubts: Dict[str, str] = {}
+    for part in results:
+        doubts = {**dict(part._settled.get("doubts", [])), **doubts}
+    return _run(first._problem_or(problem), {**first._settled, "doubts": list(doubts.items())}, earlier=state)
+
+
+def _asked(shard: Result) -> Options:
+    """Without doubts: one of a pilot's seconds is not in every shard."""
+    return {name: x for name, x in shard._settled.items() if name != "doubts"}
 
 
 def extend(result: Result, *, samples: Union[None, int, float] = None, error: Optional[float] = None,
