@@ -161,6 +161,23 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
   return m;
 }
 
+// A PMF that ends leaves out what comes behind it, unless that is zero: as stated, or as the last differences are.
+void bound_end_of_pmf(Statistics& s, const std::function<double(std::int64_t level)>& probability) {
+  constexpr double underflow = 1e-100;
+  const Masses& m = s.masses;
+  const std::int64_t last = m.first_level + std::ssize(m.mass) - 1;
+  if (m.empty() || m.mass.back() < underflow || probability(last + 1) != 0) return;
+  if (s.sequence.exact_from.value_or(last + 1) <= last) return;
+  const LevelRow* deepest = nullptr;
+  for (const LevelRow& row : s.levels) {
+    if (!row.is_base) deepest = &row;
+  }
+  if (deepest == nullptr || !(deepest->second_moment > 0)) return;
+  s.bias_bound = {std::numeric_limits<double>::infinity(),
+                  "the PMF ends at level " + std::to_string(last) +
+                      " and the differences do not; state exact_from where they are zero beyond some level"};
+}
+
 // Says so where the standard error is below the rounding of the values themselves.
 void warn_of_single_precision(Statistics& s, double epsilon) {
   if (s.nonfinite > 0 || !(s.total_error() < epsilon * s.norm())) return;
@@ -207,6 +224,7 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
       if (!row.is_base && row.level == row.last_level) row.probability = drawn.probability(row.level);
     }
     s.masses = masses_of(s.levels, drawn.probability);
+    bound_end_of_pmf(s, drawn.probability);
   }
   s = with_rounding(std::move(s), drawn.epsilon);
   if (drawn.missed) judge_points(s, drawn.missed);

@@ -78,6 +78,7 @@ class Printer {
 
   void means() {
     const char* doubt = s_.has_wrong_coupling()                         ? " (BIASED, see warning)"
+                        : !(verdict_.bias <= RunVerdict::most_bias)     ? " (without the bias)"
                         : has_verdict_ && !verdict_.interval_reliable() ? " (unreliable, see verdict)"
                                                                         : "";
     detail::print_ends(s_.components.size(), [&](std::size_t i, const std::string& left_out) {

@@ -418,6 +418,7 @@ RunVerdict judge(const Statistics& s) {
     t.say = {};
   }
   v.wrong_coupling = s.has_wrong_coupling();
+  if (s.bias_bound.size > 0) v.bias = s.bias_bound.size / s.total_error();
   v.meeting = meeting_of(s);
   t.say = with_meeting(t.say, v.meeting);
   v.largest.assign(s.largest.begin(), s.largest.begin() + std::min<std::ptrdiff_t>(3, std::ssize(s.largest)));
@@ -427,7 +428,7 @@ RunVerdict judge(const Statistics& s) {
 }
 
 bool RunVerdict::interval_reliable() const {
-  if (wrong_coupling) return false;
+  if (wrong_coupling || !(bias <= most_bias)) return false;
   if (variance != Finiteness::finite || degrees < fewest_degrees || unseen_share > half) return false;
   return std::isfinite(degrees) || static_cast<double>(samples) >= draws_per_kurtosis * kurtosis;
 }

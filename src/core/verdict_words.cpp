@@ -122,6 +122,18 @@ std::string about_variance(const RunVerdict& v) {
                                : "; a survey of the levels, if there are any, tells sooner.");
 }
 
+bool leaves_out_bias(const RunVerdict& v) { return !(v.bias <= RunVerdict::most_bias) && !v.wrong_coupling; }
+
+RunVerdict without_bias(RunVerdict v) {
+  v.bias = 0;
+  return v;
+}
+
+std::string about_bias(const RunVerdict& v) {
+  return "The interval leaves out the stated bias, " +
+         (std::isfinite(v.bias) ? "at most " + format("%.2g", v.bias) + " standard errors." : "which has no bound.");
+}
+
 }  // namespace
 
 const char* name_of(Finiteness finiteness) {
@@ -138,6 +150,7 @@ const char* name_of(Finiteness finiteness) {
 
 std::string RunVerdict::sentence() const {
   if (wrong_coupling) return biased;
+  if (leaves_out_bias(*this)) return without_bias(*this).sentence() + " " + about_bias(*this);
   if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this) + about_work(*this);
   return "variance finite" + graded(*this) + (levels.available ? "" : " as far as these values reach") +
          ", but the interval is unreliable: " + why_unreliable(*this) + "; take more samples." + about_work(*this);
@@ -146,6 +159,11 @@ std::string RunVerdict::sentence() const {
 std::vector<std::string> RunVerdict::sentences() const {
   std::vector<std::string> all = {about_variance(*this) + about_work(*this)};
   if (wrong_coupling) all.emplace(all.begin(), biased);
+  if (leaves_out_bias(*this)) {
+    all = without_bias(*this).sentences();
+    all.insert(all.begin() + 1, about_bias(*this));
+    return all;
+  }
   if (variance == Finiteness::finite && !interval_reliable() && !wrong_coupling) {
     all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");
   }

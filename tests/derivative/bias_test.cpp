@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <limits>
 #include <sstream>
+#include <string>
 
 #include <Eigen/Core>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/report.hpp>
 #include <debias/derivative.hpp>
 #include <debias/derivative/partial.hpp>
 #include <debias/estimators/single_term.hpp>
@@ -138,4 +140,30 @@ TEST_CASE("equal differences of a random function are growth, not doubt", "[deri
   CHECK(std::isinf(bound_of(jump, 1, {.kind = Difference::central}).size));
   CHECK(std::isinf(bound_of(flat, 1, {}).size));
   CHECK(bound_of(smooth, 1, {}).size < 1e-3);
+}
+
+// The interval of a mean whose stated bias was 23 times its half width was called reliable.
+TEST_CASE("an interval that leaves out the stated bias is not reliable, and says so", "[derivative][exact]") {
+  const auto judged = [](const auto& result) {
+    const RunVerdict verdict = result.verdict();
+    std::ostringstream brief;
+    std::ostringstream whole;
+    brief << result;
+    whole << full(result);
+    const bool marked = brief.str().find(" (without the bias)\n") != std::string::npos;
+    CHECK(marked == (brief.str().find("The interval leaves out the stated bias, ") != std::string::npos));
+    CHECK(marked == (whole.str().find("The interval leaves out the stated bias, ") != std::string::npos));
+    CHECK(verdict.interval_reliable() == !marked);
+    return verdict.interval_reliable();
+  };
+  const auto sine = [](double x) { return std::sin(x); };
+  const auto noisy = [](double x, Stream& rng) { return std::cos(x * rng.normal()); };
+  const Plan plan{.samples = 1 << 14, .threads = 1};
+  CHECK(judged(estimate(single_term(finite_difference(sine, 1.0)), plan)));
+  CHECK(judged(estimate(single_term(finite_difference(noisy, 1.0)), plan)));
+  CHECK(judged(estimate(single_term(finite_difference(noisy, 1.0, {.last_level = 12})), plan)));
+  // bias of the last level, rounding of a large value, and no difference at all to tell how they fall
+  CHECK_FALSE(judged(estimate(single_term(finite_difference(sine, 1.0, {.last_level = 4})), plan)));
+  CHECK_FALSE(judged(estimate(recipe(finite_difference([](double x) { return 1e6 + std::sin(x); }, 1.0)), plan)));
+  CHECK_FALSE(judged(estimate(recipe(finite_difference(noisy, 1.0, {.last_level = 2})), plan)));
 }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -16,6 +17,7 @@
 #include <debias/estimators/independent_sum.hpp>
 #include <debias/estimators/single_term.hpp>
 #include <debias/pmf/geometric.hpp>
+#include <debias/pmf/poisson.hpp>
 
 using namespace debias;
 using namespace debias::trial;
@@ -303,4 +305,63 @@ TEST_CASE("a probability that has underflowed is an error with its level, never 
     CHECK_THAT(e.what(), Catch::Contains("level 7") && Catch::Contains("underflowed"));
     CHECK_THROWS_AS(std::rethrow_if_nested(e), std::length_error);
   }
+}
+
+namespace {
+
+// Uniform on the first `levels` levels.
+struct Ending {
+  std::int64_t levels;
+
+  [[nodiscard]] double mass(std::int64_t j) const { return j < levels ? 1 / static_cast<double>(levels) : 0; }
+  [[nodiscard]] double tail(std::int64_t j) const {
+    return j < levels ? 1 - static_cast<double>(j) / static_cast<double>(levels) : 0;
+  }
+  [[nodiscard]] std::int64_t sample(double u) const {
+    return std::min(levels - 1, static_cast<std::int64_t>((1 - u) * static_cast<double>(levels)));
+  }
+};
+
+// u (1 + 0.8 + ... + 0.8^level), to which no level after `end` adds anything.
+struct Powers {
+  std::int64_t end;
+  bool says_so = false;
+
+  Draw<double> operator()(std::int64_t level, Stream& rng) const {
+    const double u = 0.5 + rng.uniform();
+    const auto last = std::min(level, end);
+    if (level == 0) return {u, u, 1};
+    return {5 * u * (1 - power(0.8, last + 1)), level <= end ? u * power(0.8, level) : 0, 1};
+  }
+  [[nodiscard]] SequenceFacts facts() const {
+    SequenceFacts f;
+    if (says_so) f.exact_from = end;
+    return f;
+  }
+};
+
+}  // namespace
+
+// A mean 15 standard errors off was "finite (shown)" and its interval reliable.
+TEST_CASE("a PMF that ends before the differences do states a bias without a bound", "[estimators][exact]") {
+  constexpr std::int64_t forever = 1000;
+  const Plan plan{.samples = 20'000, .threads = 1};
+  const auto is_biased = [&](const auto& estimator) {
+    const Statistics s = estimate(estimator, plan);
+    const bool biased = s.bias_bound.size > 0;
+    if (biased) {
+      CHECK(std::isinf(s.bias_bound.size));
+      CHECK_THAT(s.bias_bound.sentence, Catch::Contains("the PMF ends at level 1"));
+      CHECK_FALSE(s.verdict().interval_reliable());
+      CHECK(std::abs(s.components.front().mean - 5) > 4.5 * s.components.front().standard_error);
+    }
+    return biased;
+  };
+  CHECK(is_biased(single_term(Powers{forever}, Ending{12})));
+  CHECK(is_biased(independent_sum(Powers{forever}, Ending{12})));
+  CHECK(is_biased(single_term(Powers{forever, true}, Ending{12})));
+  CHECK_FALSE(is_biased(single_term(Powers{8}, Ending{12})));
+  CHECK_FALSE(is_biased(single_term(Powers{12, true}, Ending{16})));
+  CHECK_FALSE(is_biased(single_term(Powers{forever}, Geometric(0.3))));
+  CHECK_FALSE(is_biased(single_term(Powers{forever}, Poisson(3))));
 }

@@ -81,9 +81,11 @@ struct RunVerdict {
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
   double rate = 0;                   ///< the error of the mean falls like samples^-rate
   bool wrong_coupling = false;       ///< the levels do not fit together (core/coupling.hpp): the mean is biased
+  double bias = 0;                   ///< as stated (core/bias.hpp), in standard errors; no part of the interval
   std::vector<LargeSample> largest;  ///< what to replay, at most 3
   std::vector<Warning> reasons;      ///< what else the levels say, for a long report
 
+  static constexpr double most_bias = 0.5;  ///< of an interval that is reliable
   [[nodiscard]] bool interval_reliable() const;
   /// The whole in one sentence, for a brief report.
   [[nodiscard]] std::string sentence() const;
