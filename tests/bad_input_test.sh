@@ -25,6 +25,11 @@ for command in run tradeoff; do
   ended 2 'only 20000); take a smaller one' $command A10 --samples 20000 --block 1099511627776
 done
 
+# ---- names that are none: of a variable that is not set, and the option that comes behind
+for name in --checkpoint --plot -o; do ended 2 'no file name' run A10 --samples 2000 $name ''; done
+for name in --checkpoint --plot; do ended 2 'no file name' run A10 --samples 2000 $name= --json; done
+check "no file has the name of an option" [ ! -e ./--json ]
+
 # ---- files that are none
 mkdir folder
 ln -s loop loop

@@ -54,16 +54,17 @@ void add_goal(Subcommand& c) {
   c.value("seconds", "T", "As many samples as this many seconds take, 10 or 10s");
 }
 
+std::string is_file_name(const std::string& path) {
+  if (!path.empty() && path[0] != '-') return "";
+  return "'" + path + "' (no file name); write one, or ./ before a name that starts with -";
+}
+
 void add_checkpoint(
     Subcommand& c, const char* help = "Write what is finished to this file, about once a second, for `debias resume`") {
-  c.app->add_option("--checkpoint", c.delivery.checkpoint, help)->type_name("FILE");
+  c.app->add_option("--checkpoint", c.delivery.checkpoint, help)->type_name("FILE")->check(is_file_name);
 }
 
 void add_output(Subcommand& c) {
-  const auto is_file_name = [](const std::string& path) -> std::string {
-    if (!path.empty() && path[0] != '-') return "";
-    return "'" + path + "' (no file name); write -o result.json, or ./ before a name that starts with -";
-  };
   c.app->add_option("-o,--output", c.delivery.output, "Write the result to this file")
       ->type_name("FILE")
       ->check(is_file_name);
@@ -71,7 +72,9 @@ void add_output(Subcommand& c) {
 }
 
 void add_plot(Subcommand& c, const std::string& help) {
-  c.app->add_option("--plot", c.delivery.plot, "Draw " + help + " into this file")->type_name("FILE.svg");
+  c.app->add_option("--plot", c.delivery.plot, "Draw " + help + " into this file")
+      ->type_name("FILE.svg")
+      ->check(is_file_name);
 }
 
 // `debias run`, or `debias` before a command.
@@ -205,7 +208,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
       add("run", "Estimate one problem",
           "  debias run A01\n"
           "  debias run A01 --samples 1e7 --seed random --confidence 0.99\n"
-          "  debias run A01 --estimator recipe --error 1e-4      a pilot chooses PMF, base level and strata\n"
+          "  debias run A01 --estimator recipe --error 2e-4      a pilot chooses PMF, base level and strata\n"
           "  debias run A01 --estimator independent_sum --pmf geometric:r=0.6 --json -o result.json");
   add_choice(run);
   add_plan(run);
@@ -242,7 +245,7 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
 
   Subcommand& validate = add("validate", "Hold every estimator against the exact answers",
                              "  debias validate\n"
-                             "  debias validate A01 A02 --samples 1e6\n"
+                             "  debias validate A01 A03 --samples 1e6\n"
                              "  debias validate --hard\n"
                              "  debias validate --unseen 7 --samples 65536\n"
                              "  debias validate --report --samples 1e6 -o report.md\n"
