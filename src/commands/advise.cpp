@@ -15,7 +15,7 @@ AdviceReport advise(const AdviseRequest& request, const Watch& watch) {
   plan.progress = [&](std::int64_t done) {
     return caller.goes_on(problem.id + ": pilot", static_cast<double>(done), 0);
   };
-  return {&problem, debias::advise(problem.levels, plan, recipe_of(request.shape, problem))};
+  return {&problem, debias::advise(levels_of(problem), plan, recipe_of(request.shape, problem))};
 }
 
 void print(std::ostream& out, const AdviceReport& a, bool full) {

@@ -35,7 +35,7 @@ MultilevelReport multilevel(const MultilevelRequest& request, const Caller& call
   plan.progress = [&](std::int64_t done) {
     return caller.goes_on(problem.id + ": level by level", static_cast<double>(done), 0);
   };
-  LevelRuns levels = problem.levels;
+  LevelRuns levels = levels_of(problem);
   levels.draw = [&](std::int64_t level, Plan part) {
     caller.attach(part, "level " + std::to_string(level) + " from " + std::to_string(part.first));
     return problem.levels.draw(level, part);

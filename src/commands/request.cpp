@@ -201,6 +201,12 @@ RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   return options;
 }
 
+const LevelRuns& levels_of(const catalog::Problem& problem) {
+  if (problem.levels.draw) return problem.levels;
+  throw BadRequest({"'" + problem.name + "' (has no levels to draw one by one, only whole samples); run it without ",
+                    estimator_field});
+}
+
 Plan plan_of(const Sampling& sampling) {
   const Goal& goal = sampling.goal;
   if ((goal.error > 0) + (goal.relative_error > 0) + (goal.seconds > 0) > 1) {

@@ -82,6 +82,9 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem);
 /// What a shape leaves to a recipe: all but a base level, and single_term or single_term_outcome. Throws BadRequest.
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem);
 
+/// What a pilot, a survey and multilevel draw. Throws BadRequest for a problem of whole samples, which has none.
+const LevelRuns& levels_of(const catalog::Problem& problem);
+
 /// How many samples, and which.
 struct Sampling {
   std::optional<std::int64_t> samples = {};  ///< 1e6, or what the goal asks for

@@ -10,6 +10,7 @@
 
 #include "core/words.hpp"
 #include "describe.hpp"
+#include "recipe/prose.hpp"
 #include "store.hpp"
 #include "text.hpp"
 #include "validation/validation.hpp"
@@ -126,7 +127,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   plan.progress = [&](std::int64_t done) { return caller.goes_on(problem.id, static_cast<double>(done), total); };
   std::optional<Advice> advice;
   if (by_recipe) {
-    advice = advise(problem.levels, plan, options);
+    advice = advise(levels_of(problem), plan, options);
     choice = {advice->base == Base::every_sample ? catalog::Method::single_term : catalog::Method::single_term_outcome,
               advice->pmf,
               advice->base_level,
@@ -176,6 +177,7 @@ RunReport run(const RunRequest& request, const Watch& watch, const Earlier& earl
   }
   if (request.served.asked()) statistics.goal = request.served;
   RunVerdict evidence = statistics.verdict();
+  drop_answered(statistics, evidence);
   const Interval interval = statistics.interval(evidence, request.confidence);
   const double z =
       (statistics.components.front().mean - problem.truth) / validation::believed_error(statistics, problem.truth);

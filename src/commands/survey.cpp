@@ -23,7 +23,7 @@ SurveyReport survey(const SurveyRequest& request, const Watch& watch) {
                               std::to_string(request.first + request.levels - 1),
                           static_cast<double>(done), total);
   };
-  return {&problem, plan.samples, debias::survey(problem.levels, request.levels, plan, request.first)};
+  return {&problem, plan.samples, debias::survey(levels_of(problem), request.levels, plan, request.first)};
 }
 
 void print(std::ostream& out, const SurveyReport& s, bool full) {

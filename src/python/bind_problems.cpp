@@ -66,7 +66,15 @@ std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::functi
   const auto size_of = [f = kept(size), widest, is_shared](std::int64_t key) -> Lookups::Size {
     const py::gil_scoped_acquire acquire;
     const std::int64_t level = is_shared(key) ? level_of_key(key) : key;
-    const auto [width, work] = (*f)(level).template cast<std::pair<double, double>>();
+    const py::object size = [&] {
+      try {
+        return (*f)(level);
+      } catch (const py::error_already_set& e) {
+        if (e.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();  // whoever takes this for a refusal
+        throw;
+      }
+    }();
+    const auto [width, work] = size.template cast<std::pair<double, double>>();
     if (width > widest) {
       throw std::length_error("dimension: level " + std::to_string(level) + " asks for more than 2^" +
                               std::to_string(std::ilogb(widest)) + " uniforms a draw");

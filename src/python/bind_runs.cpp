@@ -59,10 +59,10 @@ struct State {
       return State{std::make_shared<const RunState>(std::move(both))};
     });
   }
-  /// With what another one has spent before its run.
+  /// With what another one has spent before its run, too.
   [[nodiscard]] State with_pilot_of(const State& other) const {
     RunState mine = *sums;
-    mine.pilot = other.sums->pilot;
+    mine.pilot += other.sums->pilot;
     return State{std::make_shared<const RunState>(std::move(mine))};
   }
 };

@@ -55,11 +55,13 @@ class Lookups {
   Size size(std::int64_t level) { return rows_of(level).size; }
 
   /// The last level whose rows are not too wide, if they grow: found by asking for one level after the other, then for
-  /// twice as deep ones. Any other refusal is no limit, and comes again when the level is drawn.
+  /// twice as deep ones. Any other refusal is no limit, and comes again when the level is drawn; nor is work that nobody
+  /// will wait for, whose exact number may take as long.
   std::int64_t deepest_level() {
-    const auto fits = [this](std::int64_t level) {
+    bool is_endless = false;
+    const auto fits = [&](std::int64_t level) {
       try {
-        size_of_(level);
+        is_endless = size_of_(level).work >= 0x1p62;
       } catch (const std::length_error&) {
         return false;
       }
@@ -74,7 +76,7 @@ class Lookups {
       std::int64_t high = 2 * low;
       for (; fits(high); high *= 2) {
         low = high;
-        if (high > deepest_of_all / 2) return deepest_of_all;
+        if (is_endless || high > deepest_of_all / 2) return deepest_of_all;
       }
       while (high - low > 1) {
         const std::int64_t middle = low + (high - low) / 2;

@@ -97,9 +97,9 @@ void describe(Advice& a) {
   if (a.bound > 0) {
     efficiency += ", " + format("%.3g", a.predicted.product() / a.bound) +
                   " times the bound (sum of sqrt(Var D work))^2 = " + format("%.3g", a.bound) +
-                  (a.shares_base || together || nets ? " of draws that share nothing" : "");
+                  (a.shares_base || together || nets ? " of draws that share nothing" : "") +
+                  (together ? " and are not stratified by their first uniform" : "");
   }
-  if (together) efficiency += " and are not stratified by their first uniform";
   a.sentences.push_back(efficiency);
   const double rho = a.exponent.exponent;
   std::string moments = decay_words("the tail of the PMF", {rho, 0}, a.exponent.decay);
@@ -209,6 +209,15 @@ Plan detail::plan_of(const Plan& plan, const Advice& advice) {
 void detail::follow(Statistics& statistics, const Advice& advice, const Goal& goal) {
   statistics.goal = goal;
   add_new(statistics.warnings, advice.warnings);
+  const auto is_of_moments = [](const Warning& w) { return w.code == WarningCode::no_second_moment; };
+  if (std::any_of(statistics.warnings.begin(), statistics.warnings.end(), is_of_moments)) {
+    drop_answered(statistics, statistics.verdict());
+  }
+}
+
+void drop_answered(Statistics& statistics, const RunVerdict& verdict) {
+  if (verdict.variance != Finiteness::finite || verdict.grade != Grade::shown) return;
+  std::erase_if(statistics.warnings, [](const Warning& w) { return w.code == WarningCode::no_second_moment; });
 }
 
 }  // namespace debias

@@ -170,6 +170,17 @@ class Levels(Quiet):
         self.raises(ValueError, "must fall", debias.estimate, own, pmf=[0.5, 0.5])
 
 
+    def test_work_beyond_any_number_is_no_limit(self):
+        problem = debias.levels(lambda level, u: u[:, 0] * 2.0**-level, dimension=1, rates=(2, 1), work=lambda k: 2**k)
+        self.assertGreater(debias.estimate(problem, samples=1000).work, 1000)  # made, after asking for no 2**(2**28)
+
+    def test_whole_samples_have_no_levels(self):
+        trials = debias.reciprocal_trials(x_squared, bound=2.0)
+        for refused in (lambda: debias.estimate(trials, estimator="recipe"), lambda: debias.advise(trials), lambda: debias.survey(trials),
+                        lambda: debias.estimate(trials, estimator="multilevel", error=0.1)):
+            self.raises(ValueError, "has no levels", refused)
+
+
 class Terms(Quiet):
     def test_series(self):
         half = debias.series(lambda k: 0.5**k, ratio=0.5)

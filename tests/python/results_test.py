@@ -79,7 +79,7 @@ class Results(unittest.TestCase):
         """A doubt of the recipe stood in the text alone."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            r = debias.estimate("A10", samples=10_000, estimator="recipe", base_level=3, seed=1)
+            r = debias.estimate("A08", samples=20_000, estimator="recipe", seed=1)
         printed = [line[14:].strip() for line in str(r).splitlines() if line.startswith("warning ")]
         self.assertEqual([w.text for w in r.warnings], printed)
         self.assertTrue(set(r.warnings) <= {w.message for w in caught})

@@ -1,12 +1,16 @@
 // The split of work between paths and terms.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <debias/core/estimate.hpp>
+#include <debias/core/report.hpp>
 #include <debias/estimators/roulette.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/recipe.hpp>
@@ -81,4 +85,37 @@ TEST_CASE("a split without noise of the paths takes all terms that the pilot saw
   CHECK(s.base_level > 20);
   CHECK_THROWS_AS(split_work(paths(0.5, 1), {.paths = 1}), std::invalid_argument);
   CHECK_THROWS_AS(split_work(paths(0.5, std::numeric_limits<double>::quiet_NaN())), std::invalid_argument);
+}
+
+// "finite (shown)" stood beside a pilot's "the answer is likely and not shown", and a half sentence beside no bound.
+TEST_CASE("a report by a recipe does not contradict itself", "[recipe][exact]") {
+  int shown = 0;
+  int doubted = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const auto terms = [](std::int64_t k, Stream& rng) {
+      return std::pow(0.7, static_cast<double>(k)) * rng.exponential();
+    };
+    const auto result =
+        estimate(recipe(series(terms, geometric_terms(0.7))), {.samples = 20'000, .seed = seed, .threads = 1});
+    const auto has = [](const std::vector<Warning>& warnings) {
+      return std::any_of(warnings.begin(), warnings.end(),
+                         [](const Warning& w) { return w.code == WarningCode::no_second_moment; });
+    };
+    if (result.verdict().grade != Grade::shown) continue;
+    ++shown;
+    doubted += has(result.advice.warnings);
+    CHECK_FALSE(has(result.warnings));
+  }
+  CHECK(shown > 0);
+  CHECK(doubted > 0);                       // else nothing was tested
+  for (const double spread : {0.0, 1.0}) {  // without a variance there is no bound to compare with
+    const auto terms = [spread](std::int64_t k, Stream& rng) {
+      return std::exp2(-static_cast<double>(k)) * (1 + spread * rng.uniform());
+    };
+    std::ostringstream text;
+    text << full(estimate(recipe(series(terms, geometric_terms(0.5))), {.samples = 20'000, .threads = 1}));
+    const std::size_t at = text.str().find(" and are not stratified");
+    const std::string of_bound = " of draws that share nothing";
+    CHECK((at == std::string::npos || text.str().compare(at - of_bound.size(), of_bound.size(), of_bound) == 0));
+  }
 }

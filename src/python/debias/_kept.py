@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 import os
+import time
 import zlib
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Union
 
@@ -41,6 +43,10 @@ def _run(problem: Union[str, Problem], options: Options, progress: Any = None, e
     return result
 
 
+class _Late(Exception):
+    """The time is up."""
+
+
 def _within(problem: Union[str, Problem], options: Options, seconds: Any, progress: Any) -> Result:
     """To a goal of error, in so many seconds: pilots fix the samples of both, and the fewer are drawn."""
     goal = {name: options[name] for name in ("error", "relative_error") if name in options}
@@ -48,24 +54,41 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
         raise ValueError("max_seconds: stands beside error or relative_error (a goal); for a time alone write seconds")
     inner = _inner(problem)
     threads = {"threads": options.get("threads", 0)}
-    refused: Optional[ValueError] = None
+    start = time.monotonic()
     try:
-        report, state, settled = _debias.run_kept(inner, options, progress, None, None, None, True)
+        limit = float(str(seconds).rstrip("s"))
+    except ValueError:
+        limit = math.inf  # the module says what is wrong with it
+
+    def in_half(*at: Any) -> Any:
+        if time.monotonic() > start + limit / 2:
+            raise _Late
+        return None if progress is None else progress(*at)
+
+    settled, state = None, None
+    try:
+        report, state, settled = _debias.run_kept(inner, options, in_half, None, None, None, True)
         if report is not None:
             result = Result._of(report)
             result._kept(problem, state, settled, None)
             return result
-    except ValueError as e:  # so many samples cannot be drawn, perhaps: fewer may
-        refused = e
+    except (_Late, ValueError):  # so many samples cannot be drawn, perhaps: fewer may
+        pass
+    if limit < math.inf:
+        seconds = max(limit - (time.monotonic() - start), limit / 10)
     rest = {name: x for name, x in options.items() if name not in goal}
-    _, other, in_time = _debias.run_kept(inner, {**rest, "seconds": seconds}, progress, None, None, None, True)
-    if refused is not None:
+    _, timed, in_time = _debias.run_kept(inner, {**rest, "seconds": seconds}, progress, None, None, None, True)
+    if settled is None or state is None:
         settled = {name: x for name, x in in_time.items() if not name.startswith("served")}
         settled.update({f"served_{name}": x for name, x in goal.items()})
-        state = other
-    fewer = min(settled["samples"], in_time["samples"])
-    go_on = state if state.last <= fewer else None
-    return _run(problem, {**settled, "samples": fewer, **threads}, progress, go_on)
+        state = timed
+    else:
+        state = state.with_pilot_of(timed)
+    options = {**settled, "samples": min(settled["samples"], in_time["samples"]), **threads}
+    if state.last <= options["samples"]:
+        return _run(problem, options, progress, state)
+    drawn = _run(problem, options, progress)
+    return _run(problem, options, None, drawn._state.with_pilot_of(state))
 
 
 # ---- on disk
@@ -141,10 +164,14 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
     >>> debias.merge(*parts).mean == debias.estimate("A10", samples=20_000).mean
     True
     """
+    from ._commands import _warn
+
     if not results:
         raise ValueError("merge: no results (must be one for each shard)")
     first = results[0]
     for other in results:
+        if not isinstance(other, Result):
+            raise TypeError(f"merge: {type(other).__name__} (must be the results of shards); merge(first, second, ...)")
         if other._state is None:
             raise ValueError("merge: a result of multilevel (has no samples to join)")
         if other["problem"] != first["problem"] or _asked(other) != _asked(first):
@@ -158,7 +185,27 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
     doubts: Dict[str, str] = {}
     for part in results:
         doubts = {**dict(part._settled.get("doubts", [])), **doubts}
-    return _run(first._problem_or(problem), {**first._settled, "doubts": list(doubts.items())}, earlier=state)
+    whole = first._problem_or(problem)
+    for part in results:
+        _draws_again("merge", whole, part)
+    merged = _run(whole, {**first._settled, "doubts": list(doubts.items())}, earlier=state)
+    _warn(merged, 3)
+    return merged
+
+
+def _draws_again(what: str, problem: Union[str, Problem], result: Result) -> None:
+    """That it is the problem of a result, by the largest samples, drawn again: a name says little of functions."""
+    values = [row for row in result["largest"] if isinstance(row["value"], float) and math.isfinite(row["value"])]
+    if "components" in result._data or not values:
+        return
+    block = int(result._settled.get("block", 1))
+    inner = _inner(problem)
+    for row in values[:1]:
+        again = float(_debias.samples(inner, result._settled, block, row["index"] // block * block, None)[0])
+        # In parts of another size, NumPy may round in another way.
+        if not abs(again - row["value"]) <= 1e-9 * abs(row["value"]):
+            raise ValueError(f"{what}: problem {_name(problem)} (draws {again:.6g} as sample {row['index']}, and the result of "
+                             f"'{result['problem']}' has {row['value']:.6g} there); give the problem that was estimated")
 
 
 def _asked(shard: Result) -> Options:
@@ -203,6 +250,8 @@ def extend(result: Result, *, samples: Union[None, int, float] = None, error: Op
     from ._commands import _warn
     from ._options import _Bar, _options
 
+    if not isinstance(result, Result):
+        raise TypeError(f"extend: {type(result).__name__} (must be a result of estimate, merge or extend)")
     if result._state is None:
         raise ValueError("extend: a result of multilevel (has no samples to add to); ask for a smaller error")
     goal = _options(samples=samples, error=error, relative_error=relative_error)
@@ -210,11 +259,18 @@ def extend(result: Result, *, samples: Union[None, int, float] = None, error: Op
         raise ValueError("extend: one of samples, error and relative_error (says how far)")
     if result._shard is not None:
         raise ValueError("extend: a shard ends where the next one begins; merge the shards, then extend the union")
-    if samples is not None and int(float(samples)) < result.samples:
+    block = int(result._settled.get("block", 1))
+    try:
+        asked = -(-int(float(goal.get("samples", math.inf))) // block) * block
+    except (ValueError, OverflowError):  # what is no number, the module says
+        asked = result.samples
+    if asked < result.samples:
         raise ValueError(f"samples = {samples} (the result has {result.samples} already, and none is thrown away); ask for more")
     kept = {name: x for name, x in result._settled.items() if name != "samples" and not name.startswith("served")}
+    whole = result._problem_or(problem)
+    _draws_again("extend", whole, result)
     with _Bar(progress) as bar:
-        longer = _run(result._problem_or(problem), {**kept, **goal, "threads": threads}, bar, result._state)
+        longer = _run(whole, {**kept, **goal, "threads": threads}, bar, result._state)
     _warn(longer, 3)
     return longer
 

@@ -47,8 +47,8 @@ class _IntervalOf(Interval):
         found._report = report
         return found
 
-    def __call__(self, level: float) -> Interval:
-        found: Interval = self._report._interval(level)
+    def __call__(self, level: float, problem: Any = None) -> Interval:
+        found: Interval = self._report._interval(level) if problem is None else self._report._interval(level, problem)
         return found
 
     def __reduce__(self) -> Tuple[Any, ...]:
@@ -236,7 +236,8 @@ class Result(Report):
     def confidence_interval(self) -> _IntervalOf:
         """Of the confidence that was asked for, and called with another level that one: `result.confidence_interval(0.99)`.
 
-        By Student's t, so see `verdict` for whether it is to be trusted.
+        By Student's t, so see `verdict` for whether it is to be trusted. A result that comes from a file or another process has
+        forgotten a problem of one's own: `result.confidence_interval(0.99, problem=p)`.
 
         Examples
         --------
@@ -248,12 +249,12 @@ class Result(Report):
         interval = self._known("interval")
         return _IntervalOf._made(self, self._components("low", interval["low"]), self._components("high", interval["high"]))
 
-    def _interval(self, level: float) -> Interval:
+    def _interval(self, level: float, problem: Any = None) -> Interval:
         if level == self._known("interval").get("confidence"):
             return Interval(*self.confidence_interval)
         from ._kept import _run
 
-        again = _run(self._problem_or(None), {**self._settled, "confidence": level}, None, self._state, self._shard)
+        again = _run(self._problem_or(problem), {**self._settled, "confidence": level}, None, self._state, self._shard)
         return Interval(*again.confidence_interval)
 
     def to_xarray(self) -> Any:
