@@ -194,18 +194,17 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
 
 
 def _draws_again(what: str, problem: Union[str, Problem], result: Result) -> None:
-    """That it is the problem of a result, by the largest samples, drawn again: a name says little of functions."""
-    values = [row for row in result["largest"] if isinstance(row["value"], float) and math.isfinite(row["value"])]
-    if "components" in result._data or not values:
+    """That it is the problem of a result, by its largest sample, drawn again: a name says little of functions."""
+    largest = result["largest"][:1]
+    if "components" in result._data or not largest or not math.isfinite(largest[0]["value"] or math.nan):
         return
+    index, value = largest[0]["index"], largest[0]["value"]
     block = int(result._settled.get("block", 1))
-    inner = _inner(problem)
-    for row in values[:1]:
-        again = float(_debias.samples(inner, result._settled, block, row["index"] // block * block, None)[0])
-        # In parts of another size, NumPy may round in another way.
-        if not abs(again - row["value"]) <= 1e-9 * abs(row["value"]):
-            raise ValueError(f"{what}: problem {_name(problem)} (draws {again:.6g} as sample {row['index']}, and the result of "
-                             f"'{result['problem']}' has {row['value']:.6g} there); give the problem that was estimated")
+    again = float(_debias.samples(_inner(problem), result._settled, block, index // block * block, None)[0])
+    # In parts of another size, NumPy may round in another way.
+    if not abs(again - value) <= 1e-9 * abs(value):
+        raise ValueError(f"{what}: problem {_name(problem)} (draws {again:.6g} as sample {index}, and the result of "
+                         f"'{result['problem']}' has {value:.6g} there); give the problem that was estimated")
 
 
 def _asked(shard: Result) -> Options:
