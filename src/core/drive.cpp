@@ -141,9 +141,10 @@ Plan plan_for_goal(const Plan& plan, const Drawn& drawn, std::int64_t& nonfinite
   }
 }
 
+constexpr std::int64_t most_masses = 1024;
+
 // From the base or the level above it on, as far as they matter.
 Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(std::int64_t level)>& probability) {
-  constexpr std::int64_t most = 1024;
   constexpr double least = 1e-280;
   std::int64_t base = 0;
   for (const LevelRow& row : rows) {
@@ -151,7 +152,7 @@ Masses masses_of(const std::vector<LevelRow>& rows, const std::function<double(s
   }
   Masses m;
   m.first_level = probability(base) > 0 && probability(base + 1) > 0 ? base : base + 1;
-  const std::int64_t end = base + most;
+  const std::int64_t end = base + most_masses;
   while (m.first_level < end && !(probability(m.first_level) > 0)) ++m.first_level;
   for (std::int64_t k = m.first_level; k < end; ++k) {
     const double p = probability(k);
@@ -168,6 +169,9 @@ void bound_end_of_pmf(Statistics& s, const std::function<double(std::int64_t lev
   const std::int64_t last = m.first_level + std::ssize(m.mass) - 1;
   if (m.empty() || m.mass.back() < underflow || probability(last + 1) != 0) return;
   if (s.sequence.exact_from.value_or(last + 1) <= last) return;
+  for (std::int64_t k = last + 2; k < last + most_masses; ++k) {
+    if (probability(k) != 0) return;  // a hole, where a difference may be zero
+  }
   const LevelRow* deepest = nullptr;
   for (const LevelRow& row : s.levels) {
     if (!row.is_base) deepest = &row;

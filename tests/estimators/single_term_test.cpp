@@ -322,6 +322,15 @@ struct Ending {
   }
 };
 
+// Half of what is left on each even level.
+struct Even {
+  [[nodiscard]] double mass(std::int64_t j) const {
+    return j % 2 == 0 ? std::exp2(-0.5 * static_cast<double>(j) - 1) : 0;
+  }
+  [[nodiscard]] double tail(std::int64_t j) const { return std::exp2(-std::ceil(0.5 * static_cast<double>(j))); }
+  [[nodiscard]] std::int64_t sample(double u) const { return 2 * static_cast<std::int64_t>(-std::log2(u)); }
+};
+
 // u (1 + 0.8 + ... + 0.8^level), to which no level after `end` adds anything.
 struct Powers {
   std::int64_t end;
@@ -364,4 +373,12 @@ TEST_CASE("a PMF that ends before the differences do states a bias without a bou
   CHECK_FALSE(is_biased(single_term(Powers{12, true}, Ending{16})));
   CHECK_FALSE(is_biased(single_term(Powers{forever}, Geometric(0.3))));
   CHECK_FALSE(is_biased(single_term(Powers{forever}, Poisson(3))));
+  // The level above the base has an index of 0.
+  const auto every_second = [](std::int64_t level, Stream& rng) {
+    const double u = 0.5 + rng.uniform();
+    const std::int64_t last = (level + 1) / 2;
+    if (level == 0) return Draw<double>{u, u, 1};
+    return Draw<double>{2 * u * (1 - power(0.5, last + 1)), level % 2 == 1 ? u * power(0.5, last) : 0, 1};
+  };
+  CHECK_FALSE(is_biased(single_term(every_second, Even{})));
 }

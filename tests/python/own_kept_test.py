@@ -75,6 +75,10 @@ class Kept(Quiet):
                 for options in ({"samples": 8192}, {"error": 0.5 * whole.standard_error}):
                     self.raises(ValueError, "give the problem that was estimated", debias.extend, whole, problem=other, **options)
         self.raises(ValueError, "give the problem that was estimated", debias.merge, parts[a][0], parts[same_name][1])
+        array, other = (debias.function_of_mean(lambda u, c=c: u + c, lambda m: m**2, dimension=2, inputs=2, components=2) for c in (0, 1))
+        whole = debias.estimate(array, samples=4096)
+        self.raises(ValueError, "give the problem that was estimated", debias.extend, whole, samples=8192, problem=other)
+        self.assertEqual(debias.extend(whole, samples=8192, problem=array).samples, 8192)
         self.raises(TypeError, "must be the results of shards", debias.merge, parts[a][0], 3)
         self.raises(TypeError, "must be a result of estimate", debias.extend, 3, samples=3)
         whole = debias.merge(*parts[a])

@@ -10,6 +10,8 @@ import time
 import zlib
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Union
 
+import numpy as np
+
 from . import _debias
 from ._errors import DebiasWarning
 from ._options import _inner
@@ -196,11 +198,12 @@ def merge(*results: Result, problem: Union[None, str, Problem] = None) -> Result
 def _draws_again(what: str, problem: Union[str, Problem], result: Result) -> None:
     """That it is the problem of a result, by its largest sample, drawn again: a name says little of functions."""
     largest = result["largest"][:1]
-    if "components" in result._data or not largest or not math.isfinite(largest[0]["value"] or math.nan):
+    if not largest or not math.isfinite(largest[0]["value"] or math.nan):
         return
     index, value = largest[0]["index"], largest[0]["value"]
     block = int(result._settled.get("block", 1))
-    again = float(_debias.samples(_inner(problem), result._settled, block, index // block * block, None)[0])
+    drawn = np.ravel(_debias.samples(_inner(problem), result._settled, block, index // block * block, None))
+    again = float(np.linalg.norm(drawn)) if "components" in result._data else float(drawn[0])
     # In parts of another size, NumPy may round in another way.
     if not abs(again - value) <= 1e-9 * abs(value):
         raise ValueError(f"{what}: problem {_name(problem)} (draws {again:.6g} as sample {index}, and the result of "
