@@ -201,8 +201,12 @@ class Scales {
     }
     const bool declared = sequence_.declared && std::isfinite(sequence_.declared->variance_decay);
     if (seen.size() < (declared ? 1 : 3)) return;
-    bool follows = false;
-    e_.courses = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared, e_.contradiction, follows);
+    statistics::RatedCourses rated = statistics::courses_of(seen, !e_.exponential_work, sequence_.declared);
+    e_.courses = std::move(rated.courses);
+    e_.unaided = std::move(rated.unaided);
+    e_.contradiction = rated.contradiction;
+    const bool follows = !e_.unaided.empty();
+    if (seen.size() < 3) e_.unaided.clear();
     if (seen.size() < 3 && !follows) e_.courses.clear();
     if (e_.courses.empty()) return;
     if (follows) e_.known_by_rates = declared_levels;
@@ -416,6 +420,14 @@ class Scales {
     return (slope - (e_.exponential_work ? e_.work.value : 0)) / 2;
   }
 
+  [[nodiscard]] double diverges(std::span<const Course> courses) const {
+    double sum = 0;
+    for (const Course& c : courses) {
+      sum += statistics::normal_cdf(-lambda(c, c.slope) / std::max(c.limit_error / 2, 1e-12));
+    }
+    return sum / static_cast<double>(courses.size());
+  }
+
   void unseen() {
     const auto roots_of = [&](std::size_t i) { return (voice(i).log2_second + std::log2(fact(i).work)) / 2; };
     double seen = 0;
@@ -434,9 +446,7 @@ class Scales {
     std::vector<double> roots;
     for (const statistics::Ahead& ahead : horizon) roots.push_back(log2_work(e_, ahead.level()) / 2);
     std::vector<double> u;
-    double diverges = 0;
     for (const Course& c : e_.courses) {
-      diverges += statistics::normal_cdf(-lambda(c, c.slope) / std::max(c.limit_error / 2, 1e-12));
       const double l = lambda(c, c.limit);
       if (!(l > 0)) {
         u.push_back(1);
@@ -445,7 +455,7 @@ class Scales {
       const double rest = statistics::sum_beyond(c, e_.last_usable, horizon, 0.5, roots, l);
       u.push_back(rest / (rest + seen));
     }
-    e_.diverges = diverges / static_cast<double>(e_.courses.size());
+    e_.diverges = diverges(e_.courses);
     std::sort(u.begin(), u.end());
     const auto at = [&](double q) { return u[static_cast<std::size_t>(q * static_cast<double>(u.size() - 1) + 0.5)]; };
     e_.unseen = {at(shown_p), at(0.5), at(1 - shown_p)};
@@ -471,7 +481,8 @@ class Scales {
                             "the largest differences of most levels look as if there were no second moment"});
     } else if (p <= shown_p && e_.unseen.high <= most_unseen_of_sum && e_.known >= 4) {
       e_.answer = Answer::yes;
-      e_.grade = Grade::shown;
+      const bool by_rates = !e_.unaided.empty() && diverges(e_.unaided) > likely_p;
+      e_.grade = by_rates ? Grade::likely : Grade::shown;
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
         e_.reasons.push_back({WarningCode::no_second_moment,

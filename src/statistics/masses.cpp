@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <span>
+#include <vector>
 
 #include <debias/statistics/evidence.hpp>
 
@@ -104,7 +106,8 @@ namespace {
 // The courses of E D_k^2, or of E D_k^4, beside the first or the third power of the masses.
 class Sum {
  public:
-  Sum(const Evidence& e, const Logarithms& p, double power) : e_(e), p_(p), power_(power), courses_(e.courses) {
+  Sum(const Evidence& e, const Logarithms& p, double power)
+      : e_(e), p_(p), power_(power), courses_(e.courses), unaided_(e.unaided) {
     std::vector<statistics::Observation> own;
     std::vector<statistics::Observation> ratios;
     for (const LevelVoice& v : e.voices) {
@@ -123,21 +126,16 @@ class Sum {
     of_ratios_ = p.steep() && ratios.size() >= 3;
     if (of_ratios_) {
       turns_ = turns_up(ratios);
+      unaided_ = {};
       courses_ = statistics::courses_of(ratios, false);
     } else if (power != 1) {
       courses_ = statistics::courses_of(own, !e.exponential_work);
     }
   }
 
-  [[nodiscard]] double diverges() const {
-    double sum = 0;
-    for (const Course& c : courses_) {
-      const double mean = excess(c, c.slope);
-      const bool sure = !of_ratios_ && c.polynomial != p_.power();
-      sum += sure ? (mean > 0 ? 0.0 : 1.0) : statistics::normal_cdf(-mean / std::max(c.limit_error, 1e-12));
-    }
-    return sum / static_cast<double>(courses_.size());
-  }
+  [[nodiscard]] double diverges() const { return diverges(courses_); }
+  // The same without declared rates.
+  [[nodiscard]] double diverges_unaided() const { return diverges(unaided_.empty() ? courses_ : unaided_); }
   [[nodiscard]] double growth() const {
     double sum = 0;
     for (const Course& c : courses_)
@@ -171,6 +169,15 @@ class Sum {
   std::vector<double> contributions;  // of usable levels, in octaves
 
  private:
+  [[nodiscard]] double diverges(std::span<const Course> courses) const {
+    double sum = 0;
+    for (const Course& c : courses) {
+      const double mean = excess(c, c.slope);
+      const bool sure = !of_ratios_ && c.polynomial != p_.power();
+      sum += sure ? (mean > 0 ? 0.0 : 1.0) : statistics::normal_cdf(-mean / std::max(c.limit_error, 1e-12));
+    }
+    return sum / static_cast<double>(courses.size());
+  }
   // Of the last six: the ratio may bend up by more than half of what the masses bend down.
   [[nodiscard]] bool turns_up(const std::vector<statistics::Observation>& ratios) const {
     const auto last = std::span(ratios).last(std::min<std::size_t>(6, ratios.size()));
@@ -191,6 +198,7 @@ class Sum {
   const Logarithms& p_;
   double power_;
   std::vector<Course> courses_;
+  std::span<const Course> unaided_;
   bool of_ratios_ = false;
   bool turns_ = false;
 };
@@ -211,10 +219,13 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   v.diverges = sum.diverges();
   v.growth = sum.growth();
   v.unseen = sum.unseen();
+  // Rates neither show anything, nor turn what the levels lean to.
+  const double unaided = sum.diverges_unaided();
+  const bool turned = unaided > 0.5;
 
-  if (v.diverges <= shown_p && v.unseen <= most_unseen_of_variance && e.known >= 4 && !sum.turns()) {
+  if (v.diverges <= shown_p && v.unseen <= most_unseen_of_variance && e.known >= 4 && !sum.turns() && !turned) {
     v.value = Value::finite;
-    v.grade = e.missing_moments ? Grade::likely : Grade::shown;
+    v.grade = e.missing_moments || unaided > likely_p ? Grade::likely : Grade::shown;
     return v;
   }
   const int known = e.known + e.known_by_rates;
@@ -223,7 +234,7 @@ SumConvergence judge(const Evidence& e, const Masses& masses) {
   const bool may_be_slower = e.not_there && (!e.contradiction || e.known < enough_to_contradict);
   const bool too_steep = may_be_slower && (e.not_there->decay == Decay::polynomial) == p.power() &&
                          e.not_there->variance_decay < (p.power() ? p.exponent() + 1 : p.fall());
-  if (v.diverges <= likely_p && known >= 3 && !too_steep && !sum.turns()) {
+  if (v.diverges <= likely_p && known >= 3 && !too_steep && !sum.turns() && !turned) {
     v.value = Value::finite;
     v.grade = Grade::likely;
     return v;

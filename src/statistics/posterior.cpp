@@ -262,12 +262,22 @@ FittedRate shown_by(std::span<const Observation> seen, bool polynomial) {
   return {-xy / xx, std::sqrt(errors) / xx};
 }
 
+// The limits of courses whose slopes have drifted: `free` is what a limit is free by, geometric and polynomial.
+void add_limits(std::vector<Course>& courses, const std::vector<double>& drifts, std::array<double, 2> free) {
+  for (std::size_t i = 0; i < courses.size(); ++i) {
+    Course& c = courses[i];
+    c.limit_error = std::hypot(drifts[i] * std::sqrt(2.0), free[c.polynomial ? 1 : 0]) * (c.polynomial ? 0.7 : 1.0);
+    // A third number for the limit, evenly and out of step with the other two.
+    constexpr double step = 0.6180339887498949;
+    const double v = 0.5 + step * static_cast<double>(i);
+    c.limit = c.slope + c.limit_error * normal_quantile(v - std::floor(v) + 1e-12);
+  }
+}
+
 }  // namespace
 
-std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
-                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction,
-                               bool& follows) {
-  follows = false;
+RatedCourses courses_of(std::span<const Observation> seen, bool may_be_polynomial,
+                        const std::optional<Rates>& declared) {
   std::vector<State> states;
   for (int polynomial = 0; polynomial <= (may_be_polynomial ? 1 : 0); ++polynomial) {
     for (const double tau : taus) {
@@ -283,7 +293,8 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
 
   const double levels = seen.back().level - seen.front().level + 1;
   const double octaves_seen = std::log2((seen.back().level + 1) / (seen.front().level + 1) + 1);
-  std::vector<Course> courses;
+  RatedCourses rated;
+  std::vector<Course>& courses = rated.courses;
   std::vector<double> drifts;
   std::size_t state = 0;
   double below = 0;
@@ -302,6 +313,7 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
     courses.push_back(c);
     drifts.push_back(s.tau);
   }
+  const std::array<double, 2> free_by = {1 / levels, 1 / octaves_seen};
   // R3: declared rates hold in the limit.
   double narrowing = 1;
   if (declared && std::isfinite(declared->variance_decay)) {
@@ -319,18 +331,19 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
     }
     if (n > 0) {
       mean /= n;
-      const double free = polynomial ? 1 / octaves_seen : 1 / levels;
+      const double free = free_by[polynomial ? 1 : 0];
       const double spread = std::max(0.0, square / n - mean * mean) + 0.01;
       const double error = std::sqrt(spread + drift / n + free * free);
       if (std::abs(mean - declared->variance_decay) >
               contradiction_z * std::sqrt(spread) +
                   std::min(contradiction_slack, part_of_declared * declared->variance_decay) &&
           std::abs(mean - declared->variance_decay) > contradiction_z * error) {
-        contradiction = Contradiction{declared->variance_decay, mean, error};
+        rated.contradiction = Contradiction{declared->variance_decay, mean, error};
       } else if (const FittedRate shown = shown_by(seen, polynomial);
                  std::abs(shown.value - declared->variance_decay) <
                  std::min(not_there_yet, part_of_declared * declared->variance_decay) + contradiction_z * shown.error) {
-        follows = true;
+        rated.unaided = courses;
+        add_limits(rated.unaided, drifts, free_by);
         narrowing = declared_drift;
         const double own = 1 / spread;
         const double stated = 1 / (declared_error * declared_error);
@@ -353,22 +366,12 @@ std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_po
       }
     }
   }
-  for (std::size_t i = 0; i < courses.size(); ++i) {
-    Course& c = courses[i];
-    const double free = narrowing * (c.polynomial ? 1 / octaves_seen : 1 / levels);
-    c.limit_error = std::hypot(drifts[i] * std::sqrt(2.0), free) * (c.polynomial ? 0.7 : 1.0);
-    // A third number for the limit, evenly and out of step with the other two.
-    constexpr double step = 0.6180339887498949;
-    const double v = 0.5 + step * static_cast<double>(i);
-    c.limit = c.slope + c.limit_error * normal_quantile(v - std::floor(v) + 1e-12);
-  }
-  return courses;
+  add_limits(courses, drifts, {narrowing * free_by[0], narrowing * free_by[1]});
+  return rated;
 }
 
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial) {
-  std::optional<Contradiction> none;
-  bool follows = false;
-  return courses_of(seen, may_be_polynomial, std::nullopt, none, follows);
+  return courses_of(seen, may_be_polynomial, std::nullopt).courses;
 }
 
 Halves halves_of(std::span<const Observation> seen, double scatter) {

@@ -39,11 +39,15 @@ struct Observation {
   double error;
 };
 
-/// Observations in order of their levels: at least three, or one and rates that they follow. Contradicts declared rates,
-/// follows them, or neither, where the levels are not there yet.
-std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial,
-                               const std::optional<Rates>& declared, std::optional<Contradiction>& contradiction,
-                               bool& follows);
+/// Levels that contradict declared rates, follow them, or neither, where they are not there yet.
+struct RatedCourses {
+  std::vector<Course> courses;
+  std::vector<Course> unaided;  ///< by the levels alone; empty unless they follow the rates
+  std::optional<Contradiction> contradiction;
+};
+/// Observations in order of their levels: at least three, or one and rates that they follow.
+RatedCourses courses_of(std::span<const Observation> seen, bool may_be_polynomial,
+                        const std::optional<Rates>& declared);
 /// Without rates.
 std::vector<Course> courses_of(std::span<const Observation> seen, bool may_be_polynomial);
 

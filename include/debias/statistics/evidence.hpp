@@ -9,8 +9,8 @@
 //              neighbours' kappa leaves it: one that missed its tail inherits their rarity. With 8 hits it is usable.
 //   posterior  b is a local linear trend over k, and over log2(k + 1), seen with error (Kalman filter, a grid of
 //              tau, omega, q); the slope in the limit is free by 1 / K more, K = usable levels
-//   declared   rates are a prior on that slope, and stand for two levels, but never show anything; dropped where the levels
-//              contradict them
+//   declared   rates are a prior on that slope, and stand for two levels, but never show anything: what is shown with them is
+//              likely without them; dropped where the levels contradict them
 //   zeros      count where the trend of the non-zero share promised 14 hits; an end is shown, likely, or open
 //   answer     yes: P(S diverges) and U are small; no: both are large and no veto holds; else open
 //   PMF        finite iff sum_k E D_k^2 / p_k converges, by the same posterior
@@ -122,6 +122,7 @@ struct Evidence {
   std::vector<LevelFacts> facts;   ///< in order of the levels, as given
   std::vector<LevelVoice> voices;  ///< of the same levels
   std::vector<Course> courses;     ///< equally likely; empty: fewer than three usable levels
+  std::vector<Course> unaided;     ///< the same without declared rates; empty where these change nothing
   Answer answer = Answer::open;
   Grade grade = Grade::open;
   double diverges = 0.5;  ///< P(no PMF has finite variance and work)
