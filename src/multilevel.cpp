@@ -387,26 +387,32 @@ class Driver {
     auto last = static_cast<std::int64_t>(levels_.size()) - 1;
     while (last > 0 && detail::draws_of_missed(last, budget / 3) == 0) --last;
     const std::vector<std::int64_t> levels = detail::levels_to_check(0, last);
+    const detail::Missed missed = [&](std::int64_t level, std::int64_t draws, detail::Batches which) {
+      return runs_.missed(level, draws, which, plan_.seed);
+    };
+    constexpr double rounding = 1e-12;
     double worst = 0;
     double error = 0;
     std::int64_t where = 0;
     for (const std::int64_t level : levels) {
       const std::int64_t draws = detail::draws_of_missed(level, budget / static_cast<double>(levels.size()));
       if (draws == 0) continue;
-      const double spent = detail::work_of_missed(level, draws);
-      result.work += spent;
-      result.pilot_work += spent;
-      const detail::MissedBatches missed = runs_.missed(level, draws, plan_.seed);
-      for (std::size_t c = 0; c < missed.size() && c < result.components.size(); ++c) {
-        const double scale = 1e-12 * std::abs(result.components[c].mean);
-        const double allowed = std::hypot(result.components[c].standard_error, result.bias) + scale;
+      std::vector<detail::Answered> answer;
+      for (std::size_t c = 0; c < result.components.size(); ++c) {
         double added = 0;
         for (auto k = static_cast<std::size_t>(level) + 1; k < levels_.size(); ++k)
           added += levels_[k].components[c].mean;
-        const detail::LeftOut found = detail::left_out(missed[c], draws, added);
-        if (!found.is_seen(allowed) || !(std::abs(found.size) > std::abs(worst))) continue;
-        worst = found.size;
-        error = std::max(result.components[c].standard_error, scale);
+        const ComponentEstimate& e = result.components[c];
+        answer.push_back({std::hypot(e.standard_error, result.bias) + rounding * std::abs(e.mean), added});
+      }
+      double spent = 0;
+      const std::vector<double> seen = detail::seen_beyond(missed, level, draws, answer, spent);
+      result.work += spent;
+      result.pilot_work += spent;
+      for (std::size_t c = 0; c < seen.size(); ++c) {
+        if (!(std::abs(seen[c]) > std::abs(worst))) continue;
+        worst = seen[c];
+        error = std::max(result.components[c].standard_error, rounding * std::abs(result.components[c].mean));
         where = level;
       }
     }

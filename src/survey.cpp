@@ -145,7 +145,8 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   }
   const std::size_t complete = rows.size();
   const int fewer_threads = rows.front().fewer_threads;
-  Survey result = survey_of(std::move(rows), plan.seed, runs.facts);
+  const SequenceFacts facts = facts_beside(runs, rows, plan.seed);
+  Survey result = survey_of(std::move(rows), plan.seed, facts);
   judge_points(result, runs);
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {

@@ -28,10 +28,8 @@ struct Finding {
   double size = 0;
   std::int64_t level = 0;
 
-  void take(const LeftOut& found, const ComponentEstimate& e, std::int64_t k) {
-    const double error = std::max(e.standard_error, rounding * std::abs(e.mean));
-    if (!found.is_seen(error) || !(std::abs(found.size) > errors * error)) return;
-    *this = {std::abs(found.size) / error, found.size, k};
+  void take(double found, double error, std::int64_t k) {
+    if (std::abs(found) > errors * error) *this = {std::abs(found) / error, found, k};
   }
 };
 
@@ -45,6 +43,15 @@ double added_beyond(const Statistics& s, std::int64_t level) {
     added += share * (s.components.size() == 1 ? row.mean : std::sqrt(row.second_moment));
   }
   return added;
+}
+
+// Is there a difference that is more than rounding?
+bool all_vanish(const std::vector<LevelRow>& levels) {
+  double base = 0;
+  for (const LevelRow& row : levels) base = row.is_base ? std::max(base, row.second_moment) : base;
+  return std::all_of(levels.begin(), levels.end(), [&](const LevelRow& row) {
+    return row.is_base || row.second_moment <= rounding * rounding * base;
+  });
 }
 
 }  // namespace
@@ -64,6 +71,40 @@ LeftOut left_out(const std::vector<double>& batches, std::int64_t draws, double 
   return {std::copysign(std::max(std::abs(mean) - std::abs(added), 0.0), mean), noise};
 }
 
+std::vector<double> seen_beyond(const Missed& missed, std::int64_t level, std::int64_t draws,
+                                const std::vector<Answered>& answer, double& work) {
+  std::vector<double> seen(answer.size());
+  for (const Batches which : {batches_of_missed, batches_again}) {
+    const MissedBatches batches = missed(level, draws, which);
+    work += static_cast<double>(which.count * draws) * std::exp2(static_cast<double>(level));
+    bool found = false;
+    for (std::size_t c = 0; c < answer.size(); ++c) {
+      const Answered& a = answer[c];
+      const bool is_doubted = c < batches.size() && (which.first == 0 || seen[c] != 0);
+      seen[c] = 0;
+      if (!is_doubted) continue;
+      const double side = a.sign_is_known || batches[c].front() > 0 ? 1 : -1;
+      const LeftOut left = left_out(batches[c], draws, side * a.added);
+      if (!left.is_seen(a.error)) continue;
+      seen[c] = left.size;
+      found = true;
+    }
+    if (!found) break;
+  }
+  return seen;
+}
+
+bool is_linear(const Missed& missed, std::int64_t level, const std::vector<double>& sizes) {
+  const MissedBatches batches = missed(level, fewest_draws, batches_of_missed);
+  for (std::size_t c = 0; c < sizes.size(); ++c) {
+    if (c >= batches.size()) return false;
+    for (const double b : batches[c]) {
+      if (!(std::abs(b) <= rounding * sizes[c])) return false;
+    }
+  }
+  return true;
+}
+
 std::vector<std::int64_t> levels_to_check(std::int64_t base_level, std::int64_t last) {
   std::vector<std::int64_t> levels = {base_level};
   for (const std::int64_t k : {(base_level + last) / 2, last}) {
@@ -73,11 +114,11 @@ std::vector<std::int64_t> levels_to_check(std::int64_t base_level, std::int64_t 
 }
 
 double work_of_missed(std::int64_t level, std::int64_t draws) {
-  return static_cast<double>(batches_of_missed * draws) * std::exp2(static_cast<double>(level));
+  return static_cast<double>(batches_of_missed.count * draws) * std::exp2(static_cast<double>(level));
 }
 
 std::int64_t draws_of_missed(std::int64_t level, double lookups) {
-  const double draws = lookups / std::exp2(static_cast<double>(level)) / static_cast<double>(batches_of_missed);
+  const double draws = lookups / std::exp2(static_cast<double>(level)) / static_cast<double>(batches_of_missed.count);
   if (!(draws >= static_cast<double>(fewest_draws))) return 0;
   return draws < static_cast<double>(most_draws) ? static_cast<std::int64_t>(draws) : most_draws;
 }
@@ -110,18 +151,26 @@ void judge_points(Statistics& s, const Missed& missed) {
   const double each = budget / static_cast<double>(levels.size());
   Finding finding;
   double spent = 0;
+  if (s.sequence.constant_limit && all_vanish(s.levels)) {
+    std::vector<double> sizes;
+    for (const ComponentEstimate& e : s.components) sizes.push_back(std::max(std::abs(e.mean), e.standard_error));
+    spent += work_of_missed(table.base_level(), fewest_draws);
+    if (is_linear(missed, table.base_level(), sizes)) {
+      s.sequence.exact_from = s.state.pilot.sequence.exact_from = table.base_level();
+    }
+  }
   for (const std::int64_t level : levels) {
     std::int64_t draws = draws_of_missed(level, each);
     if (draws == 0 && levels.size() == 1 && work_of_missed(level, fewest_draws) <= work / 2) draws = fewest_draws;
     if (draws == 0) continue;
-    spent += work_of_missed(level, draws);
-    const MissedBatches b = missed(level, draws);
     const double added = added_beyond(s, level);
-    for (std::size_t c = 0; c < b.size() && c < s.components.size(); ++c) {
-      // The table has the sizes of arrays only.
-      const double side = b.size() == 1 || b[c].front() > 0 ? 1 : -1;
-      finding.take(left_out(b[c], draws, side * added), s.components[c], level);
+    const bool is_number = s.components.size() == 1;  // of arrays the table has the sizes only
+    std::vector<Answered> answer;
+    for (const ComponentEstimate& e : s.components) {
+      answer.push_back({std::max(e.standard_error, rounding * std::abs(e.mean)), added, is_number});
     }
+    const std::vector<double> seen = seen_beyond(missed, level, draws, answer, spent);
+    for (std::size_t c = 0; c < seen.size(); ++c) finding.take(seen[c], answer[c].error, level);
   }
   s.work += spent;
   s.pilot_work += spent;

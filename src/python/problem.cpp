@@ -43,8 +43,9 @@ LevelRuns gathered_levels(const S& sequence, const std::shared_ptr<Lookups>& loo
         estimate_collected(*lookups, debias::detail::NetDraw<S>{sequence, level, as_base, octaves}, plan), octaves);
   };
   if constexpr (ChecksPoints<S>) {
-    runs.missed = [sequence, lookups](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
-      const auto missed = [&] { return debias::detail::missed_of(sequence, level, draws, seed); };
+    runs.missed = [sequence, lookups](std::int64_t level, std::int64_t draws, debias::detail::Batches which,
+                                      std::uint64_t seed) {
+      const auto missed = [&] { return debias::detail::missed_of(sequence, level, draws, which, seed); };
       lookups->collect_queries(missed);
       return missed();
     };

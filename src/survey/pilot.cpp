@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/text.hpp"
+#include "survey/resonance.hpp"
 #include "survey/survey_of.hpp"
 
 namespace debias {
@@ -198,7 +199,8 @@ Survey Pilot::survey(bool budget_spent) const {
       beyond.push_back(f);
     }
   }
-  return survey_of(std::move(rows), plan_.seed, runs_.facts, budget_spent, beyond);
+  const SequenceFacts facts = facts_beside(runs_, rows, plan_.seed);
+  return survey_of(std::move(rows), plan_.seed, facts, budget_spent, beyond);
 }
 
 }  // namespace debias

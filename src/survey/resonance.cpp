@@ -25,6 +25,23 @@ double last_square(const std::vector<SurveyRow>& rows, std::size_t i) {
 
 }  // namespace
 
+SequenceFacts facts_beside(const LevelRuns& runs, const std::vector<SurveyRow>& rows, std::uint64_t seed) {
+  SequenceFacts facts = runs.facts;
+  if (!facts.constant_limit || !runs.missed || rows.empty() || rows.front().values.empty()) return facts;
+  std::vector<double> sizes;
+  for (const ComponentEstimate& e : rows.front().values) sizes.push_back(std::max(std::abs(e.mean), e.standard_error));
+  double square = 0;
+  for (const double size : sizes) square += size * size;
+  const bool vanish = std::all_of(rows.begin(), rows.end(), [&](const SurveyRow& row) {
+    return row.level == 0 || row.second_moment <= rounding * rounding * square;
+  });
+  const detail::Missed missed = [&](std::int64_t level, std::int64_t n, detail::Batches which) {
+    return runs.missed(level, n, which, seed);
+  };
+  if (vanish && detail::is_linear(missed, rows.front().level, sizes)) facts.exact_from = rows.front().level;
+  return facts;
+}
+
 void judge_points(Survey& survey, const LevelRuns& runs) {
   if (!runs.missed || survey.rows.size() < 2) return;
   const std::vector<SurveyRow>& rows = survey.rows;
@@ -43,18 +60,28 @@ void judge_points(Survey& survey, const LevelRuns& runs) {
     while (i > 0 && draws_at(i) == 0) --i;
     const std::int64_t draws = draws_at(i);
     if (draws == 0) continue;
-    survey.work += detail::work_of_missed(rows[i].level, draws);
-    const detail::MissedBatches batches = runs.missed(rows[i].level, draws, survey.seed);
+    const detail::Missed missed = [&](std::int64_t level, std::int64_t n, detail::Batches which) {
+      return runs.missed(level, n, which, survey.seed);
+    };
+    const bool has_values = !rows[i].values.empty();
+    std::vector<detail::Answered> answer;
+    std::vector<double> scales;
+    for (const ComponentEstimate& e : rows[i].values) {
+      answer.push_back({.error = e.standard_error});
+      scales.push_back(std::abs(e.mean));
+    }
+    if (!has_values) {
+      answer.push_back({.error = rows[i].mean_error});
+      scales.push_back(std::abs(rows[i].mean));
+    }
+    const std::vector<double> seen = detail::seen_beyond(missed, rows[i].level, draws, answer, survey.work);
     double size = 0;
     double error = 0;
-    for (std::size_t c = 0; c < batches.size(); ++c) {
-      const detail::LeftOut missed = detail::left_out(batches[c], draws, 0);
-      const double of_mean = c < rows[i].values.size() ? rows[i].values[c].standard_error : rows[i].mean_error;
-      const double scale = c < rows[i].values.size() ? std::abs(rows[i].values[c].mean) : std::abs(rows[i].mean);
-      const double allowed = explained * std::sqrt(last_square(rows, i)) + rounding * scale;
-      if (!missed.is_seen(of_mean) || !(std::abs(missed.size) > std::max(allowed, std::abs(size)))) continue;
-      size = missed.size;
-      error = std::max(of_mean, rounding * scale);
+    for (std::size_t c = 0; c < seen.size(); ++c) {
+      const double allowed = explained * std::sqrt(last_square(rows, i)) + rounding * scales[c];
+      if (!(std::abs(seen[c]) > std::max(allowed, std::abs(size)))) continue;
+      size = seen[c];
+      error = std::max(answer[c].error, rounding * scales[c]);
     }
     if (size == 0) continue;
     survey.pmf_exists = Answer::open;

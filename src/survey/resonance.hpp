@@ -10,4 +10,8 @@ namespace debias {
 /// differences that were seen can explain.
 void judge_points(Survey& survey, const LevelRuns& runs);
 
+/// What the sequence states, and that it ends at the first level where all differences vanish because g is linear. Some look-ups,
+/// which count nowhere.
+SequenceFacts facts_beside(const LevelRuns& runs, const std::vector<SurveyRow>& rows, std::uint64_t seed);
+
 }  // namespace debias

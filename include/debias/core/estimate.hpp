@@ -161,8 +161,8 @@ Statistics statistics_by(Way& way, const E& estimator, const Plan& plan) {
     drawn.bias_bound = [&](const LevelTable& levels) { return estimator.bias_bound(levels); };
   if constexpr (KnowsProbabilities<E>) drawn.probability = [&](std::int64_t k) { return estimator.probability(k); };
   if constexpr (ChecksPoints<E>) {
-    drawn.missed = [&](std::int64_t level, std::int64_t draws) {
-      return way.aside([&] { return detail::missed_of(estimator, level, draws, plan.seed); });
+    drawn.missed = [&](std::int64_t level, std::int64_t draws, Batches which) {
+      return way.aside([&] { return detail::missed_of(estimator, level, draws, which, plan.seed); });
     };
   }
   return detail::drive(drawn, plan);

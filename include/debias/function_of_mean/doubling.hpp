@@ -125,12 +125,13 @@ class Doubling {
   static constexpr bool difference_shows_all = has_gap;  // a gap of NaN is NaN
 
   Rates rates;
-  /// g(E X), unless the mean is one given something random.
+  /// g(E X), unless the mean is one given something random. Stated of points that may be in step: of independent ones no
+  /// difference vanishes while values vary but of a g that is linear there.
   static constexpr Limit limit = [] {
     if constexpr (requires { P::limit; }) {
       return P::limit;
     } else {
-      return Limit::constant;
+      return detail::InStep<P> ? Limit::constant : Limit::random;
     }
   }();
 

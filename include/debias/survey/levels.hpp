@@ -89,7 +89,9 @@ struct LevelRuns {
   std::function<NetMoments(std::int64_t level, bool as_base, int octaves, const Plan& plan)> nets;
   SequenceFacts facts{};  ///< what the sequence states of itself
   /// B(level), from so many means in a batch (core/resonance.hpp). Empty where points cannot be in step with the integrand.
-  std::function<detail::MissedBatches(std::int64_t level, std::int64_t draws, std::uint64_t seed)> missed;
+  std::function<detail::MissedBatches(std::int64_t level, std::int64_t draws, detail::Batches which,
+                                      std::uint64_t seed)>
+      missed;
 };
 
 namespace detail {
@@ -417,8 +419,8 @@ LevelRuns level_runs(const S& sequence) {
   runs.facts = facts_of(sequence);
   if constexpr (requires { S::plain_inside; }) runs.plain_inside = S::plain_inside;
   if constexpr (ChecksPoints<S>) {
-    runs.missed = [sequence](std::int64_t level, std::int64_t draws, std::uint64_t seed) {
-      return detail::missed_of(sequence, level, draws, seed);
+    runs.missed = [sequence](std::int64_t level, std::int64_t draws, detail::Batches which, std::uint64_t seed) {
+      return detail::missed_of(sequence, level, draws, which, seed);
     };
   }
   if constexpr (OffersSharedBase<S>) {
