@@ -192,12 +192,43 @@ void warn_of_single_precision(Statistics& s, double epsilon) {
 
 }  // namespace
 
+// A count of n draws is further than t from n p with a probability of at most 2 exp(-t^2 / (2 n p (1 - p) + 2 t / 3)), that of
+// strata or nets even less [Bernstein]; here t = b + sqrt(b^2 + 2 b 3 n p (1 - p)), b = log(2 / that) / 3.
+void judge_counts(Statistics& s) {
+  constexpr double false_alarm = 1e-9;  // of all levels together
+  if (s.nonfinite > 0) return;
+  const auto n = static_cast<double>(s.samples);
+  const std::int64_t end = std::min(s.masses.first_level + std::ssize(s.masses.mass), LevelTable::single_levels);
+  const double b = std::log(2 * static_cast<double>(LevelTable::single_levels) / false_alarm) / 3;
+  for (std::int64_t k = s.masses.first_level; k < end; ++k) {
+    const double p = s.masses.mass[static_cast<std::size_t>(k - s.masses.first_level)];
+    double count = 0;
+    bool is_base = false;
+    for (const LevelRow& row : s.levels) {
+      if (row.level != k) continue;
+      count += static_cast<double>(row.count);
+      is_base = is_base || row.is_base;
+    }
+    if (is_base) continue;  // of which every sample may have one
+    const double off = std::abs(count - n * p);
+    if (!(off > b + std::sqrt(b * b + 6 * b * n * p * std::max(0.0, 1 - p)))) continue;
+    s.warnings.push_back({WarningCode::wrong_masses,
+                          "level " + std::to_string(k) + " was drawn " + format("%.0f", count) +
+                              " times, where its probability " + format("%.3g", p) + " means " + format("%.3g", n * p) +
+                              ": `sample` of the PMF does not fit its `mass` and `tail`, so the mean is biased; "
+                              "sample(u) is the largest j with u <= tail(j), and mass(j) = tail(j) - tail(j + 1)."});
+    return;
+  }
+}
+
 Statistics with_rounding(Statistics s, double epsilon) {
   const Accumulator sums = s.state.total();
   s.coupling = judge_coupling(sums.coupling, sums.levels, epsilon);
   const std::optional<Warning> warning = warning_of(s.coupling);
-  const bool is_known = warning && warning->code == WarningCode::coupling && s.has_wrong_coupling();
-  if (warning && !is_known) s.warnings.insert(s.warnings.begin(), *warning);
+  const bool is_known = warning && warning->code == WarningCode::coupling && s.has_wrong_mean();
+  // A sequence that ends and says how far from its limit may be drawn at its end alone.
+  const bool ends = warning && warning->code == WarningCode::zero_differences && s.bias_bound.size > 0;
+  if (warning && !is_known && !ends) s.warnings.insert(s.warnings.begin(), *warning);
   if (epsilon > std::numeric_limits<double>::epsilon()) warn_of_single_precision(s, epsilon);
   return s;
 }
@@ -229,6 +260,7 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
     }
     s.masses = masses_of(s.levels, drawn.probability);
     bound_end_of_pmf(s, drawn.probability);
+    judge_counts(s);
   }
   s = with_rounding(std::move(s), drawn.epsilon);
   if (drawn.missed) judge_points(s, drawn.missed);

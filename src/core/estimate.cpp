@@ -405,6 +405,7 @@ Statistics merge(const Statistics& a, const Statistics& b) {
     }
   }
   statistics.masses = a.masses.empty() ? b.masses : a.masses;
+  judge_counts(statistics);
   add_warnings(statistics);
   // What was found with points that no state keeps and by pilots, and what that took.
   for (const Statistics* part : {&a, &b}) {

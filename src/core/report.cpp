@@ -77,7 +77,7 @@ class Printer {
   }
 
   void means() {
-    const char* doubt = s_.has_wrong_coupling()                         ? " (BIASED, see warning)"
+    const char* doubt = s_.has_wrong_mean()                             ? " (BIASED, see warning)"
                         : !(verdict_.bias <= RunVerdict::most_bias)     ? " (without the bias)"
                         : has_verdict_ && !verdict_.interval_reliable() ? " (unreliable, see verdict)"
                                                                         : "";
@@ -115,7 +115,7 @@ class Printer {
     const auto outcome = [&](double reached, const std::string& unit) {
       if (s_.nonfinite > 0 || std::isnan(reached)) return std::string(": NOT met, there is no error to judge by");
       if (std::isinf(reached)) return ": NOT met, no bound on the error" + unit;
-      if (s_.has_wrong_coupling()) return std::string(": NOT met, the mean is biased");
+      if (s_.has_wrong_mean()) return std::string(": NOT met, the mean is biased");
       return (s_.goal_met() ? ": met, " : ": NOT met, ") + format("%.3g", reached) + unit;
     };
     // The goal is one of what was drawn.

@@ -58,9 +58,10 @@ double Statistics::norm() const {
   return std::sqrt(square);
 }
 
-bool Statistics::has_wrong_coupling() const {
-  return std::any_of(warnings.begin(), warnings.end(),
-                     [](const Warning& warning) { return warning.code == WarningCode::coupling; });
+bool Statistics::has_wrong_mean() const {
+  return std::any_of(warnings.begin(), warnings.end(), [](const Warning& warning) {
+    return warning.code == WarningCode::coupling || warning.code == WarningCode::wrong_masses;
+  });
 }
 
 double Statistics::goal_error() const { return std::hypot(total_error(), bias_bound.size); }
@@ -68,7 +69,7 @@ double Statistics::goal_error() const { return std::hypot(total_error(), bias_bo
 bool Statistics::goal_met() const {
   if (!goal.asked()) return true;
   if (nonfinite > 0) return false;  // no answer, and NaN compares false below
-  if (has_wrong_coupling()) return false;
+  if (has_wrong_mean()) return false;
   if (goal.error > 0) return goal_error() <= goal.error;
   if (goal.relative_error > 0) return norm() > 0 && goal_error() <= goal.relative_error * norm();
   return seconds <= goal.seconds;

@@ -417,7 +417,7 @@ RunVerdict judge(const Statistics& s) {
     has_levels = false;
     t.say = {};
   }
-  v.wrong_coupling = s.has_wrong_coupling();
+  v.wrong_mean = s.has_wrong_mean();
   if (s.bias_bound.size > 0) v.bias = s.bias_bound.size / s.total_error();
   v.meeting = meeting_of(s);
   t.say = with_meeting(t.say, v.meeting);
@@ -428,7 +428,7 @@ RunVerdict judge(const Statistics& s) {
 }
 
 bool RunVerdict::interval_reliable() const {
-  if (wrong_coupling || !(bias <= most_bias)) return false;
+  if (wrong_mean || !(bias <= most_bias)) return false;
   if (variance != Finiteness::finite || degrees < fewest_degrees || unseen_share > half) return false;
   return std::isfinite(degrees) || static_cast<double>(samples) >= draws_per_kurtosis * kurtosis;
 }

@@ -91,9 +91,7 @@ std::string graded(const RunVerdict& v) {
   return v.grade == Grade::open ? "" : std::string(" (") + name_of(v.grade) + ")";
 }
 
-constexpr const char* biased =
-    "the mean is BIASED: the levels do not fit together, see warning; no interval covers, and no number of samples "
-    "helps.";
+constexpr const char* biased = "the mean is BIASED, see warning; no interval covers, and no number of samples helps.";
 
 std::string about_work(const RunVerdict& v) {
   if (v.work != Finiteness::infinite) return {};
@@ -122,7 +120,7 @@ std::string about_variance(const RunVerdict& v) {
                                : "; a survey of the levels, if there are any, tells sooner.");
 }
 
-bool leaves_out_bias(const RunVerdict& v) { return !(v.bias <= RunVerdict::most_bias) && !v.wrong_coupling; }
+bool leaves_out_bias(const RunVerdict& v) { return !(v.bias <= RunVerdict::most_bias) && !v.wrong_mean; }
 
 RunVerdict without_bias(RunVerdict v) {
   v.bias = 0;
@@ -149,7 +147,7 @@ const char* name_of(Finiteness finiteness) {
 }
 
 std::string RunVerdict::sentence() const {
-  if (wrong_coupling) return biased;
+  if (wrong_mean) return biased;
   if (leaves_out_bias(*this)) return without_bias(*this).sentence() + " " + about_bias(*this);
   if (variance != Finiteness::finite || interval_reliable()) return about_variance(*this) + about_work(*this);
   return "variance finite" + graded(*this) + (levels.available ? "" : " as far as these values reach") +
@@ -158,13 +156,13 @@ std::string RunVerdict::sentence() const {
 
 std::vector<std::string> RunVerdict::sentences() const {
   std::vector<std::string> all = {about_variance(*this) + about_work(*this)};
-  if (wrong_coupling) all.emplace(all.begin(), biased);
+  if (wrong_mean) all.emplace(all.begin(), biased);
   if (leaves_out_bias(*this)) {
     all = without_bias(*this).sentences();
     all.insert(all.begin() + 1, about_bias(*this));
     return all;
   }
-  if (variance == Finiteness::finite && !interval_reliable() && !wrong_coupling) {
+  if (variance == Finiteness::finite && !interval_reliable() && !wrong_mean) {
     all.push_back("the interval is unreliable: " + why_unreliable(*this) + "; take more samples.");
   }
   if (infinite_mean(*this)) {

@@ -26,6 +26,7 @@ constexpr std::array table = {Row{WarningCode::nonfinite_samples, "nonfinite_sam
                               Row{WarningCode::uncertain_error, "uncertain_error"},
                               Row{WarningCode::single_precision, "single_precision"},
                               Row{WarningCode::coupling, "coupling"},
+                              Row{WarningCode::wrong_masses, "wrong_masses"},
                               Row{WarningCode::coupling_unchecked, "coupling_unchecked"},
                               Row{WarningCode::zero_differences, "zero_differences"},
                               Row{WarningCode::base_level, "base_level"},

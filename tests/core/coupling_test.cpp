@@ -116,7 +116,7 @@ TEST_CASE("a wrong coupling marks the mean, the verdict and the goal, by an esti
     brief << run;
     CHECK_THAT(brief.str(), Contains("(BIASED, see warning)") && Contains("the mean is BIASED") &&
                                 Contains("NOT met, the mean is biased") && !Contains(": met"));
-    CHECK(run.has_wrong_coupling());
+    CHECK(run.has_wrong_mean());
     CHECK_FALSE(run.goal_met());
     CHECK_FALSE(run.verdict().interval_reliable());
   };
@@ -124,7 +124,7 @@ TEST_CASE("a wrong coupling marks the mean, the verdict and the goal, by an esti
   marked(estimate(single_term(wrong, Geometric(0.65)), {.seed = 3, .goal = {.error = 0.01}}));
   marked(estimate(recipe(wrong), {.seed = 3, .goal = {.error = 0.01}}));
   const auto right = estimate(single_term(Squared{}, Geometric(0.65)), {.seed = 3, .goal = {.error = 0.01}});
-  CHECK_FALSE(right.has_wrong_coupling());
+  CHECK_FALSE(right.has_wrong_mean());
   CHECK(right.goal_met());
 }
 

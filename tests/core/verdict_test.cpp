@@ -502,5 +502,5 @@ TEST_CASE("an interval is reliable by its variance, degrees, unseen levels, samp
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.degrees = 2; }));
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.variance = Finiteness::undecided; }));
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.kurtosis = 1e6; }));
-  CHECK_FALSE(spoilt([](RunVerdict& v) { v.wrong_coupling = true; }));
+  CHECK_FALSE(spoilt([](RunVerdict& v) { v.wrong_mean = true; }));
 }

@@ -139,6 +139,8 @@ struct Drawn {
   std::function<double(std::int64_t level)> probability{};
   Missed missed{};
 };
+/// Warns of a run whose levels are not drawn as often as their probabilities say, which chance does once in 10^9 runs.
+void judge_counts(Statistics& statistics);
 /// The goal's pilot, the run, and what the levels say.
 Statistics drive(Drawn& drawn, const Plan& plan);
 

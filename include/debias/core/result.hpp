@@ -100,9 +100,9 @@ struct Statistics {
   [[nodiscard]] double norm() const;
   /// Standard error and stated bias together, sqrt(total_error()^2 + bias_bound.size^2): what a goal is judged by.
   [[nodiscard]] double goal_error() const;
-  /// Whether a warning says that the levels do not fit together, so that the mean is biased.
-  [[nodiscard]] bool has_wrong_coupling() const;
-  /// False when a goal was asked for and missed, the mean is biased by a wrong coupling, or there is no number to judge.
+  /// Whether a warning says that the mean is biased: by levels that do not fit together, or draws that do not follow their PMF.
+  [[nodiscard]] bool has_wrong_mean() const;
+  /// False when a goal was asked for and missed, the mean is biased, or there is no number to judge.
   [[nodiscard]] bool goal_met() const;
   /// 1 / (variance x seconds per sample), the pilot's seconds among them, with the sum of the variances of all components; infinite for an
   /// estimator without variance.

@@ -80,7 +80,7 @@ struct RunVerdict {
   std::int64_t deepest_level = 0;    ///< that any sample reached
   double samples_needed = 0;         ///< for a useful mean at this tail index; see samples_for_mean
   double rate = 0;                   ///< the error of the mean falls like samples^-rate
-  bool wrong_coupling = false;       ///< the levels do not fit together (core/coupling.hpp): the mean is biased
+  bool wrong_mean = false;           ///< as a warning says: of the coupling of the levels, or of their masses
   double bias = 0;                   ///< as stated (core/bias.hpp), in standard errors; no part of the interval
   std::vector<LargeSample> largest;  ///< what to replay, at most 3
   std::vector<Warning> reasons;      ///< what else the levels say, for a long report

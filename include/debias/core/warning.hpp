@@ -27,6 +27,7 @@ enum class WarningCode {
   single_precision,   ///< whose rounding is coarser than the standard error
   // of a sequence and its levels
   coupling,             ///< a coarse partner has not the mean of the level below: every estimate is biased
+  wrong_masses,         ///< a level is not drawn as often as the PMF says: every estimate is biased
   coupling_unchecked,   ///< values without mean or variance
   zero_differences,     ///< all are exactly zero, though numbers were drawn
   base_level,           ///< below it moments are infinite

@@ -67,7 +67,7 @@ class SingleTerm {
       Stream level_stream = split_level(rng, level);
       return draw_from(level, level_stream, record);
     }
-    const double weight = inverse_weight(probability(level), level);
+    const double weight = inverse_weight(mass_of(level), level);
     return detail::base_and_difference(sequence_, options_.base_level, level, weight, rng, record);
   }
 
@@ -77,7 +77,7 @@ class SingleTerm {
   /// The sample whose level draws the numbers of this stream, with Base::one_outcome.
   template <Record R>
   Sample<value_type> draw_from(std::int64_t level, Stream& level_stream, R& record) const {
-    const double weight = inverse_weight(probability(level), level);
+    const double weight = inverse_weight(mass_of(level), level);
     auto term = level == options_.base_level ? detail::recorded_base(sequence_, level, level_stream, record)
                                              : detail::recorded_difference(sequence_, level, level_stream, record);
     return {debias::scaled(std::move(term.value), weight), term.work, level};
@@ -87,7 +87,7 @@ class SingleTerm {
   template <Record R>
   void draw(std::int64_t level, const detail::Members& members, std::span<Sample<value_type>> out,
             R& record) const requires BatchesLevels<S> {
-    const double weight = inverse_weight(probability(level), level);
+    const double weight = inverse_weight(mass_of(level), level);
     const std::int64_t m = options_.base_level;
     if (options_.base == Base::every_sample) {
       return detail::base_and_difference(sequence_, m, level, weight, members, out, record);
@@ -111,8 +111,8 @@ class SingleTerm {
     }
   }
 
-  /// What the difference of a level is divided by.
-  [[nodiscard]] double probability(std::int64_t level) const { return pmf_.mass(level - first_level()); }
+  /// What the difference of a level is divided by; 0 for a level that is not drawn.
+  [[nodiscard]] double probability(std::int64_t level) const { return level < first_level() ? 0 : mass_of(level); }
   [[nodiscard]] BiasBound bias_bound(const LevelTable& levels) const requires StatesBias<S> {
     return sequence_.bias_bound(levels);
   }
@@ -132,6 +132,7 @@ class SingleTerm {
   }
 
  private:
+  [[nodiscard]] double mass_of(std::int64_t level) const { return pmf_.mass(level - first_level()); }
   // The level that outcome 0 of the PMF stands for.
   [[nodiscard]] std::int64_t first_level() const {
     return options_.base_level + (options_.base == Base::every_sample ? 1 : 0);
