@@ -15,6 +15,8 @@ import unittest
 import warnings
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 
@@ -86,6 +88,20 @@ class BadInput(unittest.TestCase):
             self.raises(ValueError, "^max_seconds", e, "A10", error=10, max_seconds=seconds)
         self.raises(TypeError, "^max_seconds: list", e, "A10", error=10, max_seconds=[1])
         self.assertTrue(e("A10", error=0.1, max_seconds="10s").samples > 0)
+
+    def test_what_is_no_pmf_says_what_is(self):
+        # 'int' object is not iterable; and of bytes, keys and sets masses were made.
+        for pmf in (3, True, 0.5, 1j, np.float32(0.5), np.array(0.5), b"geometric", {0: 0.5, 1: 0.25}, {0.5, 0.25}, int, object()):
+            for f, *arguments in ((debias.estimate, "A10"), (debias.samples, "A10", 3), (debias.estimate, SCALAR)):
+                self.raises(TypeError, "^pmf: .* .must be a name .*debias.pmfs.*the masses.*or a function", f, *arguments, pmf=pmf)
+        for pmf, said in ((["a", "b"], "0 is 'a', str"), ([0.5, None], "1 is None"), ([[0.5, 0.2]], "0 is .0.5, 0.2., list"),
+                          (lambda j: "x", "0 is 'x', str"), ([True, False], "0 is True, bool")):
+            self.raises(TypeError, f"^pmf: mass {said}.*must be a number", debias.estimate, "A10", pmf=pmf)
+        for pmf, said in (([], "none"), ([1], "1"), ([0.5, np.nan], "0.5, nan"), ([5, 4, 3, 2, 0], "5, 4, 3, 2, ...")):
+            self.raises(ValueError, f"^pmf: masses {said} .must be two or more", debias.estimate, "A10", pmf=pmf)
+        same = [debias.samples("A10", 20, pmf=p) for p in ([0.75, 0.1875], (Fraction(3, 4), Decimal("0.1875")), np.float32([0.75, 0.1875]))]
+        for other in same[1:]:
+            np.testing.assert_array_equal(same[0], other)
 
     def test_no_words_of_c_or_of_the_inside(self):
         own = powers(square)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import decimal
 import math
 import numbers
 import operator
 import secrets
-from typing import Any, Callable, Dict, Optional, Sequence, Union
+from collections.abc import Mapping, Set
+from typing import Any, Callable, Dict, Iterable, Optional, Sequence, Union
 
 import numpy as np
 
-from ._problem import Problem
+from ._problem import Problem, _said
 from ._types import Array
 
 Number = Union[int, float, str]
@@ -29,6 +31,17 @@ def _option(name: str, value: Any) -> Union[str, int, float]:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
+
+
+def _scalar(value: Any) -> Any:
+    """The number that an array without dimensions holds, or a Decimal; anything else as it is."""
+    if isinstance(value, decimal.Decimal):
+        return float(value)
+    return value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
 
 
 def _seed(seed: Any) -> Union[int, str]:
@@ -90,14 +103,27 @@ def _pmf(pmf: Pmf) -> Optional[str]:
     """In the program's words: a text as it is, masses as a table whose last ratio goes on for ever."""
     if pmf is None or isinstance(pmf, str):
         return pmf
+    pmf = _scalar(pmf)
+    given: Iterable[Any]
+    if callable(pmf) and not isinstance(pmf, type):
+        given = [pmf(j) for j in range(64)]
+    elif isinstance(pmf, Iterable) and not isinstance(pmf, (bytes, bytearray, Mapping, Set)):  # which have no order
+        given = pmf
+    else:
+        raise TypeError(f"pmf: {type(pmf).__name__} (must be a name with its parameters, see debias.pmfs(), the masses of the first "
+                        "levels, or a function of 0, 1, ... that gives them); write pmf='geometric:r=0.6', say")
+    masses = []
+    for j, mass in enumerate(given):
+        mass = _scalar(mass)
+        if not _is_real(mass):
+            raise TypeError(f"pmf: mass {j} is {_said(mass)}, {type(mass).__name__} (must be a number)")
+        masses.append(float(mass))
     if callable(pmf):
-        masses = [float(pmf(j)) for j in range(64)]
         while len(masses) > 2 and not masses[-1] > 1e-300:
             masses.pop()
-    else:
-        masses = [float(m) for m in pmf]
     if len(masses) < 2 or not all(m > 0 and math.isfinite(m) for m in masses):
-        raise ValueError(f"pmf: masses {masses[:4]} ... (must be two or more, all positive: a level that is never drawn is a bias)")
+        said = ", ".join(f"{m:g}" for m in masses[:4]) + (", ..." if len(masses) > 4 else "")
+        raise ValueError(f"pmf: masses {said or 'none'} (must be two or more, all positive: a level that is never drawn is a bias)")
     ratio = masses[-1] / masses[-2]
     if not ratio < 1:
         raise ValueError(f"pmf: the last masses are {masses[-2]} and {masses[-1]} (must fall, since their ratio goes on for ever)")
