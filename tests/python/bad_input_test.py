@@ -103,6 +103,21 @@ class BadInput(unittest.TestCase):
         for other in same[1:]:
             np.testing.assert_array_equal(same[0], other)
 
+    @ignoring_doubts
+    def test_numbers_of_any_kind(self):
+        """An array of no dimension, or a Decimal, was no number."""
+        for kind in (np.array, np.int32, np.float32, np.float64, Fraction, Decimal, int, str):
+            with self.subTest(kind):
+                self.assertEqual(debias.estimate("A10", samples=kind(2000), seed=3, confidence=0.5).samples, 2000)
+                self.assertEqual(debias.survey("A10", levels=kind(3), samples=kind(100)).levels["level"].tolist(), [0, 1, 2])
+        for kind in (np.array, np.int32, np.uint8, int):
+            self.assertEqual(len(debias.samples("A10", kind(3), first=kind(2))), 3)
+        for kind in (np.array, np.float32, Fraction, Decimal):
+            result = debias.estimate("A10", samples=2000, confidence=kind(0.75))
+            self.assertEqual(result.confidence_interval, result.confidence_interval(0.75))
+        for x in (True, np.True_, np.array(True), [2000], np.array([2000]), 2000j, b"2000"):
+            self.raises(TypeError, "^samples: .*must be a number", debias.estimate, "A10", samples=x)
+
     def test_no_words_of_c_or_of_the_inside(self):
         own = powers(square)
         for rates in ((1,), (1, 2, 3), 5, "21", ("2", "1"), (None, 1), {"beta": 1}):

@@ -26,9 +26,10 @@ def _options(**options: Any) -> Dict[str, Any]:
 
 
 def _option(name: str, value: Any) -> Union[str, int, float]:
+    value = _scalar(value)
     if isinstance(value, str):
         return value
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+    if not _is_real(value):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
 
@@ -132,6 +133,7 @@ def _pmf(pmf: Pmf) -> Optional[str]:
 
 
 def _whole(name: str, value: Any, least: int) -> int:
+    value = _scalar(value)
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise TypeError(f"{name}: {type(value).__name__} (must be a whole number)")
     if not least <= value < 2**62:  # type: ignore[operator]
@@ -141,7 +143,8 @@ def _whole(name: str, value: Any, least: int) -> int:
 
 def _real(name: str, value: Any) -> float:
     """A number, and none of the program's words."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+    value = _scalar(value)
+    if not _is_real(value):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number)")
     return float(value)
 
