@@ -104,6 +104,31 @@ class BadInput(unittest.TestCase):
             np.testing.assert_array_equal(same[0], other)
 
     @ignoring_doubts
+    def test_the_words_of_the_program(self):
+        words = {"samples": "auto", "base_level": "auto", "points": "auto", "pmf": "declared", "error": "none", "relative_error": "none",
+                 "seconds": "none", "max_seconds": "none"}
+        for problem in ("A10", SCALAR):
+            plain, said = debias.estimate(problem, samples=2000), debias.estimate(problem, **{**words, "samples": 2000})
+            self.assertEqual(said.mean, plain.mean)
+            self.assertEqual(debias.estimate(problem, **{**words, "error": 0.1}).mean, debias.estimate(problem, error=0.1).mean)
+            shape = {name: words[name] for name in ("base_level", "points", "pmf")}
+            np.testing.assert_array_equal(debias.samples(problem, 20, **shape), debias.samples(problem, 20))
+            self.assertEqual(debias.replay(problem, 3, seed=1, **shape)["value"], debias.replay(problem, 3, seed=1)["value"])
+            self.assertEqual(debias.extend(plain, samples=4000, error="none").samples, 4000)
+            self.assertEqual(debias.survey(problem, levels=3, samples="auto").levels["draws"][0], 10_000)
+            advice = {name: word for name, word in words.items() if name not in ("pmf", "max_seconds")}
+            self.assertEqual(debias.advise(problem, **advice)["pmf"], debias.advise(problem)["pmf"])
+            for name, word in words.items():  # of another option it is none
+                if name not in ("points", "pmf"):
+                    self.raises(ValueError, f"^{name} = '{'none' if word == 'auto' else 'auto'}'", debias.estimate, problem,
+                                **{name: "none" if word == "auto" else "auto"})
+        unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
+        self.raises(ValueError, "^pmf: none .*declares no rates", debias.estimate, unrated, samples=2000, pmf="declared")
+        self.raises(ValueError, "^'recipes' is not an estimator", debias.estimate, unrated, estimator="recipes")
+        for estimator in (3, True, ["recipe"]):
+            self.raises(TypeError, "^estimator: .*must be a name, see debias.estimators", debias.estimate, "A10", estimator=estimator)
+
+    @ignoring_doubts
     def test_numbers_of_any_kind(self):
         """An array of no dimension, or a Decimal, was no number."""
         for kind in (np.array, np.int32, np.float32, np.float64, Fraction, Decimal, int, str):

@@ -98,6 +98,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     options = _options(samples=samples, seed=_seed(seed), threads=threads, **_shape(problem, estimator, pmf), base_level=base_level,
                        block=block, points=points, error=error, relative_error=relative_error, seconds=seconds,
                        confidence=confidence)
+    limit = _options(max_seconds=max_seconds)
+    max_seconds = _debias.seconds("max_seconds", limit) if limit else None
     ways = {"executor": executor, "shard": shard, "checkpoint": checkpoint, "max_seconds": max_seconds}
     given = [name for name, x in ways.items() if x is not None]
     if len(given) > 1:
@@ -108,8 +110,6 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
         shards = _whole("shards", shards, 1)
     if shard is not None:
         shard = _kept._shard_of(shard)
-    if max_seconds is not None:
-        max_seconds = _debias.seconds("max_seconds", _options(max_seconds=max_seconds))
     doubts: List[DebiasWarning] = []
     with _Bar(progress) as bar:
         if estimator == "multilevel":

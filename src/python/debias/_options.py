@@ -21,16 +21,25 @@ Pmf = Union[None, str, Sequence[float], Array, Callable[[int], float]]
 Progress = Union[None, bool, Callable[[float, float], Any]]
 
 
+#: The program's words for what is not given.
+_NOT_GIVEN = {"samples": "auto", "base_level": "auto", "error": "none", "relative_error": "none", "seconds": "none",
+              "max_seconds": "none"}
+_KINDS = {"estimator": "a name, see debias.estimators()", "family": "geometric, zeta or poisson"}
+
+
 def _options(**options: Any) -> Dict[str, Any]:
-    return {name: _option(name, value) for name, value in options.items() if value is not None}
+    """Those that are given, as the module takes them."""
+    given = {name: value for name, value in options.items()
+             if value is not None and not (isinstance(value, str) and value == _NOT_GIVEN.get(name))}
+    return {name: _option(name, value) for name, value in given.items()}
 
 
 def _option(name: str, value: Any) -> Union[str, int, float]:
     value = _scalar(value)
     if isinstance(value, str):
         return value
-    if not _is_real(value):
-        raise TypeError(f"{name}: {type(value).__name__} (must be a number, or the program's word for one)")
+    if name in _KINDS or not _is_real(value):
+        raise TypeError(f"{name}: {type(value).__name__} (must be {_KINDS.get(name, 'a number, or the word of the program for one')})")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
 
 
@@ -91,10 +100,11 @@ def _estimator(problem: Union[str, Problem], pmf: Pmf, estimator: Optional[str],
         return estimator
     if problem._special and estimator is None:
         return problem._special
-    needs = pmf is None and estimator not in ("truncated", "multilevel", "recipe", "coupled_chain")
+    declared = isinstance(pmf, str) and pmf == "declared"  # the program's word for no PMF
+    needs = (pmf is None or declared) and estimator in (None, "single_term", "single_term_outcome", "independent_sum", "roulette")
     if not needs or problem.declares_rates:
         return estimator
-    if pilot and estimator is None:
+    if pilot and estimator is None and not declared:
         return "recipe"
     raise ValueError(f"pmf: none ('{problem.name}' declares no rates to choose it by); give rates, or the ['pmf'] of "
                      "an estimate or of `advise`")
