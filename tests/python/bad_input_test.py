@@ -23,7 +23,7 @@ import numpy as np
 import debias
 
 import chains_test
-from shared import PMF, SCALAR, ignoring_doubts, powers, square
+from shared import PMF, SCALAR, VECTOR, ignoring_doubts, powers, square
 
 
 class BadInput(unittest.TestCase):
@@ -139,9 +139,23 @@ class BadInput(unittest.TestCase):
             self.assertEqual(len(debias.samples("A10", kind(3), first=kind(2))), 3)
         for kind in (np.array, np.float32, Fraction, Decimal):
             result = debias.estimate("A10", samples=2000, confidence=kind(0.75))
+            self.assertEqual(result.confidence_interval(kind(0.5)), result.confidence_interval(0.5))
             self.assertEqual(result.confidence_interval, result.confidence_interval(0.75))
         for x in (True, np.True_, np.array(True), [2000], np.array([2000]), 2000j, b"2000"):
             self.raises(TypeError, "^samples: .*must be a number", debias.estimate, "A10", samples=x)
+
+    @ignoring_doubts
+    def test_intervals_of_no_level(self):
+        # A second argument was taken for nothing, or for a problem without a word.
+        for report in (debias.estimate("A10", samples=2000), debias.estimate(VECTOR, samples=2000), debias.diagnose([1.0, 2.0, 3.0])):
+            interval = report.confidence_interval
+            for level in (95, 0, 1, -0.1, float("nan"), "95%"):
+                self.raises(ValueError, "^confidence = ", interval, level)
+            for level in (None, True, [0.9], 1j, np.array([0.9])):
+                self.raises(TypeError, "^confidence: .*must be a number", interval, level)
+            self.raises(TypeError, "^problem: int .must be a name", interval, 0.9, 1)
+            self.raises(TypeError, "^problem: float .must be a name", interval, 0.95, 0.5)
+        self.raises(TypeError, "^problem: of a diagnosis", interval, 0.9, "A10")
 
     def test_no_words_of_c_or_of_the_inside(self):
         own = powers(square)

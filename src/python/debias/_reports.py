@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _debias
 from ._errors import DebiasWarning
+from ._options import _option, _problem
 from ._types import Array
 
 
@@ -48,7 +49,7 @@ class _IntervalOf(Interval):
         return found
 
     def __call__(self, level: float, problem: Any = None) -> Interval:
-        found: Interval = self._report._interval(level) if problem is None else self._report._interval(level, problem)
+        found: Interval = self._report._interval(_option("confidence", level), None if problem is None else _problem(problem))
         return found
 
     def __reduce__(self) -> Tuple[Any, ...]:
@@ -385,7 +386,9 @@ class Diagnosis(Report):
         """
         return _IntervalOf._made(self, *self._interval((self._data["interval"] or {}).get("confidence", 0.95)))
 
-    def _interval(self, level: float) -> Interval:
+    def _interval(self, level: float, problem: Any = None) -> Interval:
+        if problem is not None:
+            raise TypeError("problem: of a diagnosis (has none, but its numbers); leave it out")
         interval = self._data["interval"] or {"low": None, "high": None, "confidence": None}
         if level == interval["confidence"]:
             return Interval(_number(interval["low"]), _number(interval["high"]))
