@@ -114,6 +114,38 @@ class Kept(Quiet):
         goal = debias.extend(short, error=0.01)
         self.assertLess(goal.standard_error, 0.012)
 
+    def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_work(self):
+        # After it, of '' and of a folder that is not there; bytes were written beside the file.
+        calls = []
+
+        def counted(u):
+            calls.append(len(u))
+            return x_squared(u)
+
+        own = debias.function_of_mean(counted, "reciprocal")
+        with tempfile.TemporaryDirectory() as folder:
+            taken = Path(folder) / "taken"
+            taken.write_text("x")
+            os.mkfifo(Path(folder) / "pipe")
+            for path, kind, said in (
+                    ("", ValueError, "is no name"), (b"", ValueError, "is no name"), ("a\0b", ValueError, "is no name"),
+                    (folder, IsADirectoryError, "is a folder"), (Path(folder), IsADirectoryError, "is a folder"),
+                    (folder + "/", IsADirectoryError, "is a folder"), (os.fsencode(folder), IsADirectoryError, "is a folder"),
+                    (folder + "/none/run", FileNotFoundError, "there is no folder '.*none'"), (folder + "/none/", FileNotFoundError, "no folder"),
+                    (taken / "run", FileNotFoundError, "there is no folder '.*taken'"), (folder + "/pipe", ValueError, "is a device or a pipe"),
+                    (folder + "/" + 300 * "x", OSError, "cannot be written: File name too long"), (taken, ValueError, "is no run of debias"),
+                    (3, TypeError, "int .must be the path"), (True, TypeError, "bool .must be"), (["x"], TypeError, "list .must be"),
+                    (open, TypeError, "must be the path")):
+                with self.subTest(path):
+                    self.raises(kind, f"^checkpoint: .*{said}", debias.estimate, own, samples=2000, checkpoint=path)
+            self.assertEqual(calls, [])
+            self.assertEqual(sorted(os.listdir(folder)), ["pipe", "taken"])
+            plain = debias.estimate(own, samples=2000)
+            for path in (os.fsencode(folder) + b"/run", folder + "/run", Path(folder) / "run"):  # one file
+                self.assertEqual(debias.estimate(own, samples=2000, checkpoint=path).mean, plain.mean)
+            self.assertEqual(len(calls), 2)
+            self.assertEqual(sorted(os.listdir(folder)), ["pipe", "run", "taken"])
+
     def test_checkpoints(self):
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "run"

@@ -96,15 +96,45 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
 # ---- on disk
 
 
+def _file_of(path: Any) -> str:
+    """The file that a run can be kept in: an answer before the work."""
+    try:
+        file = os.fsdecode(path)
+    except TypeError:
+        raise TypeError(f"checkpoint: {type(path).__name__} (must be the path of a file)") from None
+    said = f"checkpoint: {file!r}"
+    if not file or "\0" in file:
+        raise ValueError(f"{said} (is no name of a file); write checkpoint='run.checkpoint', say")
+    if os.path.isdir(file):
+        raise IsADirectoryError(f"{said} (is a folder); name a file in it")
+    if os.path.exists(file) and not os.path.isfile(file):
+        raise ValueError(f"{said} (is a device or a pipe); take the name of a file")
+    folder = os.path.dirname(file)
+    if folder and not os.path.isdir(folder):
+        raise FileNotFoundError(f"{said} (there is no folder {folder!r}); make it first, or take another name")
+    try:
+        with open(_beside(file), "wb"):
+            pass
+        os.remove(_beside(file))
+    except OSError as e:
+        raise type(e)(f"{said} (cannot be written: {e.strerror}); take another name") from None
+    return file
+
+
+def _beside(file: str) -> str:
+    """The name under which a file is written before it takes the place of the last one."""
+    return f"{file}.{os.getpid()}.new"
+
+
 def _checkpointed(problem: Union[str, Problem], options: Options, progress: Any, path: Any) -> Result:
-    file = os.fspath(path)
+    file = _file_of(path)
     asked = json.dumps({name: x for name, x in options.items() if name not in ("threads", "confidence")}, sort_keys=True)
     whose = {"problem": _name(problem), "asked": asked, "version": _debias.version, "streams": _debias.stream_version}
 
     def save(state: Any, settled: Options) -> None:
         contents = state.bytes()
         head = json.dumps({**whose, "settled": settled, "size": len(contents), "crc": zlib.crc32(contents)}).encode()
-        written = f"{file}.{os.getpid()}.new"
+        written = _beside(file)
         with open(written, "wb") as out:
             out.write(_MAGIC + head + b"\n" + contents)
             out.flush()
