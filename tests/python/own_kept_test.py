@@ -114,6 +114,25 @@ class Kept(Quiet):
         goal = debias.extend(short, error=0.01)
         self.assertLess(goal.standard_error, 0.012)
 
+    def test_a_run_that_goes_on_asks_for_as_many_rows_at_once(self):
+        # Chunk by chunk: 30 seconds of calls where `max_seconds` said 6.
+        calls = []
+
+        def counted(u):
+            calls.append(len(u))
+            return x_squared(u)
+
+        own = debias.function_of_mean(counted, "reciprocal")
+        for first, block in ((65_536, 1), (70_000, 1), (70_000, 4)):
+            with self.subTest(first=first, block=block):
+                short = debias.estimate(own, samples=first, seed=5, block=block)
+                calls.clear()
+                whole = debias.estimate(own, samples=4 * first, seed=5, block=block)
+                new = len(calls)
+                calls.clear()
+                self.assertEqual(debias.extend(short, samples=4 * first).mean, whole.mean)
+                self.assertLess(len(calls), new + 3)
+
     def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_work(self):
         # After it, of '' and of a folder that is not there; bytes were written beside the file.
         calls = []
