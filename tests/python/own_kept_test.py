@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import warnings
 
@@ -132,6 +133,19 @@ class Kept(Quiet):
                 calls.clear()
                 self.assertEqual(debias.extend(short, samples=4 * first).mean, whole.mean)
                 self.assertLess(len(calls), new + 3)
+
+    def test_max_seconds_counts_what_came_too_late(self):
+        # The pilot of the error takes half of the time, and was not counted.
+        def slow(u):
+            time.sleep(0.03)
+            return x_squared(u)
+
+        own = debias.function_of_mean(slow, "reciprocal")
+        start = time.monotonic()
+        late = debias.estimate(own, error=1e-6, max_seconds=0.4, pmf="geometric:theta=1.3")
+        self.assertGreater(late.pilot_seconds, 0.2)
+        self.assertLess(late.seconds, time.monotonic() - start)
+        self.assertTrue(late["goal"]["error"] == 1e-6 and not late["goal"]["met"])
 
     def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_work(self):
         # After it, of '' and of a folder that is not there; bytes were written beside the file.

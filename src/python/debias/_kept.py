@@ -87,7 +87,11 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
     else:
         state = state.with_pilot_of(timed)
     options = {**settled, "samples": min(settled["samples"], in_time["samples"]), **threads}
-    if state.last <= options["samples"]:
+    goes_on = state.last <= options["samples"]
+    # A pilot that came too late, and draws beyond the end, took their time, too.
+    counted = state.pilot_seconds + (state.seconds if goes_on else 0)
+    state = state.with_lost_seconds(max(0.0, time.monotonic() - start - counted))
+    if goes_on:
         return _run(problem, options, progress, state)
     drawn = _run(problem, options, progress)
     return _run(problem, options, None, drawn._state.with_pilot_of(state))
