@@ -56,7 +56,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     confidence : float
         Of the interval.
     progress : bool or callable, optional
-        True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known.
+        True for a bar by tqdm, or a function of (done, total). total is 0 while it is not known: while pilots draw, of a run to a
+        goal up to a second longer. What had a total ends with (total, total).
     executor : optional
         Splits the samples over its workers: of concurrent.futures, a client of dask.distributed, joblib.Parallel(...), or one of
         mpi4py.futures. The bits are those of one process; a shard whose worker is lost runs again. The problem is pickled.

@@ -19,6 +19,7 @@ from ._problem import Problem
 from ._reports import Result
 
 Options = Dict[str, Any]
+_GOALS = ("error", "relative_error", "seconds")
 _MAGIC = b"debias run of Python, 1\n"
 
 
@@ -39,9 +40,31 @@ def _shard_of(shard: Any) -> Tuple[int, int]:
 
 def _run(problem: Union[str, Problem], options: Options, progress: Any = None, earlier: Any = None,
          shard: Optional[Tuple[int, int]] = None, save: Optional[Callable[[Any, Options], Any]] = None) -> Result:
-    report, state, settled = _debias.run_kept(_inner(problem), options, progress, earlier, shard, save, False)
+    tell, keep = _telling(progress, save, options)
+    report, state, settled = _debias.run_kept(_inner(problem), options, tell, earlier, shard, keep, False)
+    return _reported(problem, report, state, settled, shard, progress)
+
+
+def _telling(progress: Any, save: Any, options: Options) -> Tuple[Any, Any]:
+    """progress and save of a run. How many samples a goal takes it says when it saves, about a second after its pilots."""
+    if progress is None or not any(name in options for name in _GOALS):
+        return progress, save
+    total = [0.0]
+
+    def keep(state: Any, settled: Options) -> None:
+        total[0] = settled["samples"]
+        if save is not None:
+            save(state, settled)
+
+    return (lambda done, of: progress(done, of or total[0])), keep
+
+
+def _reported(problem: Union[str, Problem], report: Any, state: Any, settled: Options, shard: Optional[Tuple[int, int]],
+              progress: Any) -> Result:
     result = Result._of(report)
     result._kept(problem, state, settled, shard)
+    if progress is not None:
+        progress(result.samples, result.samples)
     return result
 
 
@@ -71,9 +94,7 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
     try:
         report, state, settled = _debias.run_kept(inner, options, in_half, None, None, None, True)
         if report is not None:
-            result = Result._of(report)
-            result._kept(problem, state, settled, None)
-            return result
+            return _reported(problem, report, state, settled, None, progress)
     except (_Late, ValueError):  # so many samples cannot be drawn, perhaps: fewer may
         pass
     if limit < math.inf:
@@ -371,13 +392,10 @@ def _distributed(problem: Union[str, Problem], options: Options, executor: Any, 
     here."""
     threads = options.pop("threads", 0)
     pilot = None
-    goal = [name for name in ("error", "relative_error", "seconds") if name in options]
-    if goal or options.get("estimator") == "recipe":
+    if any(name in options for name in _GOALS) or options.get("estimator") == "recipe":
         report, pilot, settled = _debias.run_kept(_inner(problem), {**options, "threads": threads}, progress, None, None, None, True)
         if report is not None:  # it was short
-            result = Result._of(report)
-            result._kept(problem, pilot, settled, None)
-            return result, []
+            return _reported(problem, report, pilot, settled, None, progress), []
         options = settled
     samples = int(float(options.get("samples", 1e6)))
     chunk = 512 * int(options.get("block", 1))

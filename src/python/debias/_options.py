@@ -160,28 +160,41 @@ def _real(name: str, value: Any) -> float:
 
 
 class _Bar:
-    """Shows progress by tqdm, if there is such a thing."""
+    """Tells a function of the progress, or shows it by tqdm, if there is such a thing. What has a total ends there."""
 
     def __init__(self, progress: Progress):
         self._bar: Any = None
-        self.call = progress if callable(progress) else None
+        self._told = (0.0, 0.0)
+        self._show: Optional[Callable[[float, float], Any]] = None
         if progress is True:
             try:
                 from tqdm.auto import tqdm
             except ImportError:
                 return
             self._bar = tqdm(unit=" draws", unit_scale=True, leave=False)
-            self.call = self._show
-        elif self.call is None and progress not in (None, False):
+            self._show = self._drawn
+        elif callable(progress):
+            self._show = progress
+        elif progress not in (None, False):
             raise TypeError(f"progress: {type(progress).__name__} (must be True, or a function of (done, total))")
 
-    def _show(self, done: float, total: float) -> None:
+    def _drawn(self, done: float, total: float) -> None:
         self._bar.total = total or None
         self._bar.update(done - self._bar.n)
 
-    def __enter__(self) -> Any:
-        return self.call
+    def _tell(self, done: float, total: float) -> None:
+        self._told = done, total
+        assert self._show is not None
+        self._show(done, total)
 
-    def __exit__(self, *_: Any) -> None:
-        if self._bar is not None:
-            self._bar.close()
+    def __enter__(self) -> Any:
+        return None if self._show is None else self._tell
+
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        try:
+            done, total = self._told
+            if kind is None and done < total:
+                self._tell(total, total)
+        finally:
+            if self._bar is not None:
+                self._bar.close()
