@@ -339,7 +339,8 @@ class BadInput(unittest.TestCase):
             except Own as e:
                 self.assertIs(e.args[0], marker)
                 if sys.version_info >= (3, 11):
-                    self.assertIn("seed 1, sample 0", e.__notes__[0])
+                    self.assertIn("at level 3, of an array of", e.__notes__[0])
+                    self.assertIn("seed 1, sample 0", e.__notes__[1])
                 return weakref.ref(marker)
             self.fail("nothing raised")
 
@@ -347,6 +348,33 @@ class BadInput(unittest.TestCase):
         gc.collect()
         self.assertIsNone(gone())
         self.assertEqual(debias.estimate(SCALAR, samples=1000, pmf=PMF).samples, 1000)  # and the next run works
+
+    @unittest.skipIf(sys.version_info < (3, 11), "exceptions have no notes")
+    def test_an_exception_of_a_pilot_says_its_level_too(self):
+        def differences(level, u):
+            if level >= 2:
+                raise ArithmeticError("deep")
+            return powers(square)(level, u)
+
+        def term(k, u):
+            if k >= 2:
+                raise ArithmeticError("deep")
+            return u[:, 0] * 0.5**k
+
+        levels = debias.levels(differences, dimension=lambda k: 2**k, rates=(2, 1))
+        series = debias.series(term, ratio=0.5, dimension=1)
+        for own in (levels, series):
+            for f, options in ((debias.estimate, {"samples": 5000}), (debias.estimate, {"error": 0.01}), (debias.advise, {}),
+                               (debias.estimate, {"estimator": "recipe", "samples": 5000}), (debias.survey, {}), (debias.tradeoff, {}),
+                               (debias.samples, {"n": 500}), (debias.replay, {"sample": 3, "seed": 1, "estimator": "truncated", "base_level": 2})):
+                with self.subTest(own, f=f, **options):
+                    with self.assertRaisesRegex(ArithmeticError, "^deep$") as raised:
+                        f(own, **options)
+                    self.assertRegex(raised.exception.__notes__[0], "^debias: at level [2-9], of an array of [0-9]+ rows$")
+        mean = debias.function_of_mean(lambda x: 1 / 0, "log")  # one array for all levels
+        with self.assertRaises(ZeroDivisionError) as raised:
+            debias.estimate(mean, samples=500)
+        self.assertNotIn("level", "".join(raised.exception.__notes__))
 
     def test_a_problem_runs_once_at_a_time(self):
         own = []
