@@ -144,6 +144,41 @@ class BadInput(unittest.TestCase):
         for x in (True, np.True_, np.array(True), [2000], np.array([2000]), 2000j, b"2000"):
             self.raises(TypeError, "^samples: .*must be a number", debias.estimate, "A10", samples=x)
 
+    def test_numbers_that_are_none_say_which(self):
+        # "bad operand type for abs(): 'str'", and a gap, a shared base or a `normals` that was a text
+        x = lambda u: 1 + u[:, 0] ** 2  # noqa: E731
+        a, spd = np.array([[0.2, 0.1], [0.1, 0.3]]), np.array([[2.0, 0.5], [0.5, 1.0]])
+        walk = debias.chains.random_walk(lambda x: -0.5 * x[:, 0] ** 2, 2.4)
+        chain = debias.chains.coupled_chain(walk, lambda u: 6 * u - 3, lambda x: x[:, 0])
+        takers = {"ratio": lambda v: debias.series(lambda k: 0.5**k, ratio=v), "exponent": lambda v: debias.series(lambda k: 1, exponent=v),
+                  "at": lambda v: debias.taylor(x, "exp", v), "mean_square": lambda v: debias.taylor(x, "log", 1.4, mean_square=v),
+                  "length": lambda v: debias.transmittance(x, v, 2), "control": lambda v: debias.transmittance(x, 1, v),
+                  "radius": lambda v: debias.neumann(a, [1, 1], [1, 1], radius=v), "lower": lambda v: debias.solve(spd, [1, 1], [1, 1], lower=v, upper=3),
+                  "upper": lambda v: debias.log_determinant_spd(spd, lower=0.5, upper=v), "bound": lambda v: debias.reciprocal_trials(x, v),
+                  "interval": lambda v: debias.function_of_integral(x, "log", interval=(0, v)), "horizon": lambda v: debias.brownian_increments([[1]], v),
+                  "step": lambda v: debias.chains.random_walk(x, v), "burn_in": lambda v: debias.chains.coupled_chain(walk, x, x, burn_in=v),
+                  "normals": lambda v: debias.function_of_mean(x, "log", normals=v), "rng": lambda v: debias.levels(x, rng=v),
+                  "polynomial": lambda v: debias.levels(x, rates=(2, 1), polynomial=v), "gap": lambda v: debias.function_of_mean(x, x, gap=v),
+                  "shared": lambda v: debias.levels(x, shared=v)}
+        for name, f in takers.items():
+            for v in ("x", [0.5], 1j, b"x", {}, (1, 2, 3)):
+                self.raises(TypeError, f"^{name}: .*must be", f, v)
+        for name in ("at", "control", "exponent", "length", "bound"):
+            self.raises(ValueError, f"^{name} = nan .must be finite", takers[name], float("nan"))
+        arrays = {"uniforms": debias.normal_quantile, "normals": debias.brownian_increments, "at": lambda v: debias.gradient(lambda x: x[0], v),
+                  "b": lambda v: debias.neumann(a, v, [1, 1], radius=0.5), "c": lambda v: debias.solve(spd, [1, 1], v, lower=0.5, upper=3),
+                  "weights": lambda v: debias.chains.mixture(v, walk)}
+        for name, f in arrays.items():
+            for v in ("x", ["a", "b"], [1j, 1], np.array([1j, 1]), None, [None, 1], [[1], [1, 2]], {}):
+                self.raises(TypeError, f"^{name}: .*must be an array of real numbers", f, v)
+        self.raises(ValueError, r"^b: of shape \(3,\) .must have 2 numbers", arrays["b"], [1, 2, 3])
+        self.raises(TypeError, "^operator: .*real numbers", debias.estimate, debias.neumann(a * 1j, [1, 1], [1, 1], radius=0.5), samples=100)
+        self.raises(ValueError, "^radius = 1.5 .must lie in .0, 1", takers["radius"], 1.5)
+        self.raises(ValueError, "^kind = .*must be forward, central or second", lambda: debias.finite_difference(np.sin, 1, kind=["central"]))
+        self.raises(ValueError, "^seed = 'x' .not a number", debias.chains.advise, chain, seed="x")
+        self.raises(TypeError, "^sample: NoneType .must be the index", debias.replay, "A10", None, seed=1)
+        self.assertEqual(debias.normal_quantile([Fraction(1, 2), Decimal("0.5")]).tolist(), [0, 0])
+
     @ignoring_doubts
     def test_intervals_of_no_level(self):
         # A second argument was taken for nothing, or for a problem without a word.

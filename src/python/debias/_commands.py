@@ -237,6 +237,8 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
+    if sample is None:
+        raise TypeError("sample: NoneType (must be the index of one); that of the largest is result.largest['index'][0]")
     problem = _problem(problem)
     options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
                        **_shape(problem, _estimator(problem, pmf, estimator), pmf), base_level=base_level, block=block,

@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, Optional, Sequence
 import numpy as np
 
 from . import _debias
-from ._options import _real, _whole
+from ._options import _real, _reals, _whole
 from ._own import _checked, _facts, _function, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array
@@ -20,7 +20,7 @@ _KINDS = {"forward": (1, 2), "central": (2, 2), "second": (2, 3)}
 
 def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, ratio: float, last_level: Optional[int],
                dimension: int, normals: bool, components: Optional[int], facts: Dict[str, Any]) -> Problem:
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise ValueError(f"kind = '{kind}' (must be forward, central or second)")
     first_step, ratio = _real("first_step", first_step), _real("ratio", ratio)
     if not np.isfinite(at).all():
@@ -158,7 +158,7 @@ def gradient(f: Callable[..., Any], at: Sequence[float], *, kind: str = "central
     True
     """
     _function("f", f, "x" if dimension == 0 else "(x, array)")
-    point = np.array(at, dtype=np.float64)
+    point = np.array(_reals("at", at))
     if point.ndim != 1 or not len(point):
         raise ValueError(f"at: of shape {point.shape} (must be a row of coordinates)")
     facts = _facts(name, formula, None, rates, False, 0)

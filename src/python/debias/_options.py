@@ -76,6 +76,17 @@ def _seed(seed: Any) -> Union[int, str]:
     return number
 
 
+def _seed_number(seed: Any) -> int:
+    """As `_seed`, where there is no program to read a text."""
+    number = _seed(seed)
+    if isinstance(number, str):
+        try:
+            number = _seed(int(number))
+        except ValueError:
+            raise ValueError(f"seed = {number!r} (not a number of 64 bits); write a whole number such as 1000") from None
+    return int(number)
+
+
 def _problem(problem: Any, has_levels: bool = False) -> Union[str, Problem]:
     if isinstance(problem, Problem):
         if has_levels and not problem._has_levels:
@@ -157,6 +168,25 @@ def _real(name: str, value: Any) -> float:
     if not _is_real(value):
         raise TypeError(f"{name}: {type(value).__name__} (must be a number)")
     return float(value)
+
+
+def _finite(name: str, value: Any) -> float:
+    x = _real(name, value)
+    if not math.isfinite(x):
+        raise ValueError(f"{name} = {x} (must be finite)")
+    return x
+
+
+def _reals(name: str, values: Any) -> Array:
+    """An array of real numbers, of any shape."""
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        array = np.empty(1, dtype=object)
+    if array.dtype.kind not in "fiub" and not (array.dtype.kind == "O" and all(_is_real(_scalar(x)) for x in array.flat)):
+        raise TypeError(f"{name}: {type(values).__name__} (must be an array of real numbers)")
+    numbers_of: Array = array.astype(np.float64, copy=False)
+    return numbers_of
 
 
 class _Bar:

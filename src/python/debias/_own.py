@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _compiled, _debias
 from ._numbers import _has_mask, _numbers
-from ._options import _real, _whole
+from ._options import _real, _reals, _scalar, _whole
 from ._problem import Problem, _maker
 from ._reports import _ends
 from ._types import Array
@@ -35,7 +35,7 @@ def normal_quantile(uniforms: Any) -> Array:
     >>> debias.normal_quantile([0.5, 0.975]).round(6).tolist()
     [0.0, 1.959964]
     """
-    numbers_of: Array = _debias.normal_quantile(uniforms)
+    numbers_of: Array = _debias.normal_quantile(_reals("uniforms", uniforms))
     if not _has_mask(uniforms):
         return numbers_of
     masked: Array = np.ma.array(numbers_of, mask=np.ma.getmaskarray(uniforms))
@@ -66,9 +66,10 @@ def brownian_increments(normals: Any, horizon: float = 1.0) -> Array:
     >>> debias.brownian_increments([[1.0, 0.0]], horizon=4).tolist()
     [[1.0, 1.0]]
     """
-    z = np.asarray(normals, dtype=np.float64)
+    z = _reals("normals", normals)
     if z.ndim != 2 or z.shape[1] < 1:
         raise ValueError(f"brownian_increments: normals of shape {z.shape} (must be (n, steps), with at least one step)")
+    horizon = _real("horizon", horizon)
     if not (horizon > 0 and math.isfinite(horizon)):
         raise ValueError(f"brownian_increments: horizon = {horizon!r} (must be positive and finite)")
     n, steps = z.shape
@@ -168,6 +169,8 @@ def levels(differences: Callable[..., Any], *, dimension: Union[int, Callable[[i
     compiled = _compiled._levels(differences)
     if compiled is None:
         _function("differences", differences, "(level, uniforms)")
+    if shared is not None:
+        _function("shared", shared, "(level, base_level, uniforms)")
     width = 1 if components is None else _whole("components", components, 1)
     dimension_of = _function_of_level("dimension", dimension, whole=True)
     work_of = dimension_of if work is None else _function_of_level("work", work, whole=False)
@@ -284,7 +287,7 @@ def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[in
 
 def _function_of_level(name: str, value: Any, *, whole: bool) -> Callable[[int], float]:
     def checked(level: int) -> float:
-        x = value(level) if callable(value) else value
+        x = _scalar(value(level) if callable(value) else value)
         if isinstance(x, bool) or not isinstance(x, numbers.Integral if whole else numbers.Real):
             raise TypeError(f"{name}: {type(x).__name__} at level {level} (must be a "
                             f"{'whole ' if whole else ''}number)")

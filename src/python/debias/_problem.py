@@ -6,6 +6,8 @@ import functools
 import pickle
 from typing import Any, Callable, Dict, Optional, Tuple, TypeVar, cast
 
+import numpy as np
+
 from . import _debias
 from ._compiled import _is_address
 
@@ -131,6 +133,9 @@ def _maker(f: F) -> F:
 
     @functools.wraps(f)
     def making(*arguments: Any, **options: Any) -> Any:
+        for name in ("normals", "rng", "polynomial"):  # any text would be a yes
+            if not isinstance(options.get(name), (bool, np.bool_, type(None))):
+                raise TypeError(f"{name}: {type(options[name]).__name__} (must be True or False)")
         problem = f(*arguments, **options)
         problem._made = (f.__name__, arguments, options)
         return problem

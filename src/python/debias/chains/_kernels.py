@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import numbers
 from typing import Any, Callable, Dict, Optional, Sequence, Tuple, cast
 
 import numpy as np
 
 from .. import _debias
-from .._options import _whole
+from .._options import _real, _reals, _whole
 from .._problem import _packed
 from .._reports import _ends
 from .._types import Array
@@ -106,12 +105,11 @@ def _gradient(name: str, gradient: Callable[..., Any], x: Array, needed: Array) 
 
 
 def _step_size(name: str, step: Any) -> float:
-    if isinstance(step, (bool, np.bool_)) or not isinstance(step, numbers.Real):
-        raise TypeError(f"step: {type(step).__name__} (must be a number)")
-    if not (step > 0 and math.isfinite(step)):  # type: ignore[operator]
+    step = _real("step", step)
+    if not (step > 0 and math.isfinite(step)):
         raise ValueError(f"{name}: step = {step} (must be positive and finite); 2.4 / sqrt(dimension) standard deviations "
                          "of the target is usual for a random walk")
-    return float(step)
+    return step
 
 
 def _function(name: str, f: Any) -> Callable[..., Any]:
@@ -379,7 +377,7 @@ def mixture(weights: Sequence[float], *kernels: Kernel) -> Kernel:
     >>> density = lambda x: -0.5 * x[:, 0] ** 2
     >>> both = mixture([3, 1], random_walk(density, 2.4), random_walk(density, 0.5))
     """
-    array = np.asarray(weights, dtype=float)
+    array = _reals("weights", weights)
     for one in kernels:
         if not isinstance(one, Kernel):
             raise TypeError(f"mixture: {type(one).__name__} (must be a kernel); see debias.chains.kernel for your own")
