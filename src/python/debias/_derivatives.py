@@ -37,11 +37,11 @@ def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, r
     last = _whole("last_level", last_level, 0)
     n_of = len(at)
 
-    def values(x: Array, u: Array, level: int) -> Array:
-        point: Any = x if components is not None else float(x[0])
+    def values(x: Array, u: Array, level: int) -> Array:  # f may write into what it sees, or into one array each time
+        point: Any = x.copy() if components is not None else float(x[0])
         if width == 0:
             return np.full(len(u), float(_checked("f", np.reshape(f(point), (1,)), (1,), level, x[None, :])[0]))
-        return _checked("f", f(point, u), (len(u),), level, u)
+        return _checked("f", f(point, u.copy()), (len(u),), level, u).copy()
 
     def quotient(level: int, u: Array, here: Optional[Array]) -> Array:
         columns = []
@@ -75,7 +75,7 @@ def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, r
     if facts["variance_decay"] is None:
         facts.update(variance_decay=-2 * order * math.log2(ratio), work_growth=0.0)
     if width == 0:
-        size = abs(float(f(at if components is not None else float(at[0]))))
+        size = abs(float(f(at.copy() if components is not None else float(at[0]))))
     else:
         few = (np.arange(32 * width).reshape(32, width) + 0.5) / (32 * width)
         size = float(np.sqrt(np.mean(values(at, normal_quantile(few) if normals else few, 0) ** 2)))

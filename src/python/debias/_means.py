@@ -128,7 +128,7 @@ def function_of_mean(integrand: Callable[[Array], Any], g: Union[str, Function],
         if not isinstance(g, str):
             raise TypeError(f"g: {type(g).__name__} (must be the name of a function, beside a compiled integrand)")
         return Problem(_debias.compiled_mean(facts, compiled.address, compiled.user, width, g, "independent", 0.0, 1.0))
-    seen = integrand if block is None else _in_blocks(integrand, _whole("block", block, 1))
+    seen = integrand if block is None else _in_blocks("integrand", integrand, _whole("block", block, 1))
     numbers = (lambda u: seen(normal_quantile(u))) if normals else seen
     if isinstance(g, str):
         for option, x in (("gap", gap), ("inputs", inputs), ("components", components)):

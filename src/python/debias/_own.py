@@ -193,8 +193,8 @@ def levels(differences: Callable[..., Any], *, dimension: Union[int, Callable[[i
         differences = _each_alone(differences)
     if block is not None:
         size = _whole("block", block, 1)
-        differences = _in_blocks(differences, size)
-        shared = None if shared is None else _in_blocks(shared, size)
+        differences = _in_blocks("differences", differences, size)
+        shared = None if shared is None else _in_blocks("shared", shared, size)
 
     def answer(level: int, uniforms: Array, base_level: Optional[int] = None) -> Array:
         numbers = normal_quantile(uniforms) if normals else uniforms
@@ -233,8 +233,13 @@ def _generator(row: Array) -> np.random.Generator:
 
 
 def _each_alone(differences: Callable[..., Any]) -> Callable[..., Any]:
+    def own(answer: Any) -> Any:  # of a function that writes into one array each time
+        if isinstance(answer, tuple):
+            return tuple(own(part) for part in answer)
+        return answer.copy() if isinstance(answer, np.ndarray) else answer
+
     def all_of(level: int, uniforms: Array) -> Any:
-        answers = [differences(level, _generator(row)) for row in uniforms]
+        answers = [own(differences(level, _generator(row))) for row in uniforms]
         if answers and isinstance(answers[0], tuple):
             return tuple(np.array(part) for part in zip(*answers))
         return np.array(answers)
@@ -242,7 +247,7 @@ def _each_alone(differences: Callable[..., Any]) -> Callable[..., Any]:
     return all_of
 
 
-def _in_blocks(f: Callable[..., Any], size: int) -> Callable[..., Any]:
+def _in_blocks(name: str, f: Callable[..., Any], size: int) -> Callable[..., Any]:
     """f of blocks of one size: the rows of the last one again fill it up."""
 
     def padded(*arguments: Any) -> Any:
@@ -255,20 +260,27 @@ def _in_blocks(f: Callable[..., Any], size: int) -> Callable[..., Any]:
             if fill:
                 rows = np.concatenate((rows, np.broadcast_to(rows[-1:], (fill, rows.shape[1]))))
             out = f(*levels_of, rows)
-            parts = out if isinstance(out, tuple) else (out,)
-            answers.append(tuple(np.asarray(part)[:size - fill] for part in parts))
+            parts = [_checked_mask(name, part) for part in (out if isinstance(out, tuple) else (out,))]
+            if any(not part.ndim for part in parts):
+                return out  # no rows: whoever looks at it says so
+            answers.append(tuple(part[:size - fill].copy() for part in parts))  # f may write into one array each time
         joined = tuple(np.concatenate(part) for part in zip(*answers))
         return joined if len(joined) > 1 else joined[0]
 
     return padded
 
 
-def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[int], inputs: Array) -> Array:
-    where = "" if level is None else f" at level {level}"
+def _checked_mask(function: str, out: Any, where: str = "") -> Array:
     array, missing = _numbers(out)
     if missing is not None:
         raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left "
                          "out would be a bias); return a number for each row")
+    return array
+
+
+def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[int], inputs: Array) -> Array:
+    where = "" if level is None else f" at level {level}"
+    array = _checked_mask(function, out, where)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")

@@ -305,7 +305,7 @@ def _vector(name: str, values: Any, n: int) -> Array:
     v = _reals(name, values)
     if v.size != n:
         raise ValueError(f"{name}: of shape {v.shape} (must have {n} numbers, as many as the operator has rows)")
-    return v.reshape(n)
+    return v.reshape(n).copy()
 
 
 def _order(operator: Any) -> int:

@@ -178,7 +178,7 @@ def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], An
         return kernel._begin(np.repeat(points[i:i + 1], n, axis=0))
 
     def features(state: State, before: State) -> Array:
-        values = np.asarray(state[0] if f is None else f(state[0]), dtype=float).reshape(n, -1)
+        values = np.asarray(state[0] if f is None else f(state[0].copy()), dtype=float).reshape(n, -1)
         stays = (state[0] == before[0]).all(axis=1)
         return np.column_stack((values, values**2, stays))
 

@@ -53,7 +53,7 @@ class _Chains:
     def observed(self, points: Array) -> Array:
         n = len(points)
         shape = (n,) if self.components is None else (n, self.components)
-        return _checked("f", self.f(points), shape, None, points).reshape(n, self.components or 1)
+        return _checked("f", self.f(points.copy()), shape, None, points).reshape(n, self.components or 1)
 
     def meet(self, streams: Any, options: Dict[str, int], f: bool = True) -> Array:
         """A row of numbers for each stream, as src/python/chains.hpp has them; without f, sums are zero."""
