@@ -305,6 +305,12 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "returned nan at level", run, lambda k, u: np.where(u[:, 0] < 0.1, np.nan, 1))
         self.raises(ValueError, "returned inf", mean, lambda x: np.full(len(x), np.inf))
         self.raises(ValueError, r"integrand: returned shape \(\)", mean, lambda x: 1.0)
+        self.raises(ValueError, r"shape \(\d+, 1\) .*; take a column, x\[:, 0\]$", mean, lambda x: 1 + x)
+        self.raises(ValueError, r"shape \(\) .*axis=1$", mean, np.sum)
+        self.raises(ValueError, r"shape \(2, \d+\) at level 1 .*are a tuple, \(fine, coarse\)$", run,
+                    lambda k, u: u[:, 0] if k == 0 else [u[:, 0], u[:, 0]])
+        self.raises(TypeError, "^integrand: returned list of rows of different lengths", mean, lambda x: [[1.0], [1.0, 2.0]])
+        self.raises(TypeError, "^values: list of rows of different lengths", debias.diagnose, [[1.0], [1.0, 2.0]])
         self.raises(ZeroDivisionError, "division", run, lambda k, u: 1 / 0)
         self.raises(TypeError, "positional", run, lambda k: 1)
         self.raises(ValueError, "dimension = 0", run, powers(square), dimension=0)

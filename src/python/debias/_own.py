@@ -271,11 +271,24 @@ def _in_blocks(name: str, f: Callable[..., Any], size: int) -> Callable[..., Any
 
 
 def _checked_mask(function: str, out: Any, where: str = "") -> Array:
-    array, missing = _numbers(out)
+    try:
+        array, missing = _numbers(out)
+    except ValueError:
+        raise TypeError(f"{function}: returned {type(out).__name__}{where} of rows of different lengths (must be an array of real "
+                        "numbers)") from None
     if missing is not None:
         raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left "
                          "out would be a bias); return a number for each row")
     return array
+
+
+def _meant(function: str, returned: Tuple[int, ...], shape: Tuple[int, ...]) -> str:
+    """What goes wrong first."""
+    if returned == (*shape, 1):
+        return "; take a column, x[:, 0]"
+    if returned == () and len(shape) == 1:
+        return "; numbers of a row go together by axis=1"
+    return "; two parts are a tuple, (fine, coarse)" if function == "differences" and returned == (2, *shape) else ""
 
 
 def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[int], inputs: Array) -> Array:
@@ -285,7 +298,8 @@ def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[in
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")
     if array.shape != shape:
-        raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)")
+        raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)"
+                         f"{_meant(function, array.shape, shape)}")
     array = array.astype(np.float64, copy=False)
     if math.isfinite(np.add.reduce(array, axis=None)):  # then each of them is
         return array
