@@ -305,6 +305,19 @@ class Results(unittest.TestCase):
         self.assertEqual(seed_of(2**64 - 1), 2**64 - 1)
         self.assertEqual(seed_of(0), 0)
 
+    @ignoring_doubts
+    def test_what_a_report_does_not_have(self):
+        # `"mean" in result` was a KeyError of 0, and so was hasattr(diagnosis, "levels") of 'levels'.
+        result, multilevel = debias.estimate("A10", samples=1000), debias.estimate("A10", estimator="multilevel", error=0.2)
+        self.assertTrue("mean" in result and "means" not in result and 0 not in result)
+        self.assertEqual(list(result), list(result.to_dict()))
+        for report in (debias.diagnose([1.0, 2.0]), debias.advise("A10"), debias.tradeoff("A10", points=2, samples=1000)):
+            self.assertFalse(hasattr(report, "levels"))
+            with self.assertRaisesRegex(AttributeError, "^levels .this .* has none"):
+                report.levels
+        with self.assertRaisesRegex(AttributeError, "^confidence_interval .a result of multilevel"):
+            multilevel.confidence_interval
+
     def test_progress(self):
         seen = []
         debias.estimate("E05", samples=3e5, progress=lambda done, total: seen.append((done, total)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import html
 import math
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union, cast
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union, cast
 
 import numpy as np
 
@@ -96,6 +96,12 @@ class Report:
             _debias.refuse_if_renamed(f"['{key}']")
         return self._data[key]
 
+    def __contains__(self, key: object) -> bool:
+        return key in self._data
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
+
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and self._same() == other._same()
 
@@ -145,6 +151,8 @@ class Report:
     @property
     def levels(self) -> Array:
         """What is known of each level, as a structured array."""
+        if "levels" not in self._data:
+            raise AttributeError(f"levels (this {type(self).__name__} has none)")
         return _table(self._data["levels"])
 
     @property
@@ -282,7 +290,8 @@ class Result(Report):
 
     def _known(self, key: str) -> Any:
         if key not in self._data:
-            raise AttributeError(f"{key} (a result of multilevel has none; it has a 'bias')")
+            name = "confidence_interval" if key == "interval" else key
+            raise AttributeError(f"{name} (a result of multilevel has none; it has a 'bias')")
         return self._data[key]
 
     @property
