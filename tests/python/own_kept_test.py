@@ -147,6 +147,18 @@ class Kept(Quiet):
         self.assertLess(late.seconds, time.monotonic() - start)
         self.assertTrue(late["goal"]["error"] == 1e-6 and not late["goal"]["met"])
 
+    def test_executors_that_are_none(self):
+        own = self.PROBLEMS["own"]
+        for executor in (3, "processes", print, x_squared, concurrent.futures.ThreadPoolExecutor, [], object()):
+            for problem in ("A10", own):
+                self.raises(TypeError, "^executor: .*must be one of concurrent.futures", debias.estimate, problem, samples=20_000,
+                            executor=executor)
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:  # "in use by another run; make two"
+            self.raises(ValueError, "^executor: ThreadPoolExecutor .*take processes", debias.estimate, own, samples=20_000, executor=pool)
+            self.assertEqual(debias.estimate("A10", samples=20_000, executor=pool).mean, debias.estimate("A10", samples=20_000).mean)
+        with concurrent.futures.ThreadPoolExecutor(1) as pool:
+            self.assertEqual(debias.estimate(own, samples=20_000, executor=pool).mean, debias.estimate(own, samples=20_000).mean)
+
     def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_work(self):
         # After it, of '' and of a folder that is not there; bytes were written beside the file.
         calls = []

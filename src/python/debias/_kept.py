@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import json
 import math
 import operator
@@ -342,6 +343,19 @@ def _shard(problem: Union[str, Problem], options: Options, shard: Tuple[int, int
     return data
 
 
+def _check_executor(executor: Any, problem: Union[str, Problem]) -> None:
+    """Before any pilot."""
+    joblib = callable(executor) and hasattr(executor, "n_jobs")
+    if isinstance(executor, type) or not (hasattr(executor, "submit") or joblib):
+        said = executor.__name__ if isinstance(executor, type) else type(executor).__name__
+        raise TypeError(f"executor: {said} (must be one of concurrent.futures, a client of dask.distributed, "
+                        "joblib.Parallel(...), or mpi4py.futures)" + ("; call it" if isinstance(executor, type) else ""))
+    own = isinstance(problem, Problem) and not problem._inner.compiled
+    if own and isinstance(executor, concurrent.futures.ThreadPoolExecutor) and _workers(executor) > 1:
+        raise ValueError("executor: ThreadPoolExecutor (whose threads share the problem, and Python functions answer one run at a time); "
+                         "take processes, or leave it out")
+
+
 def _workers(executor: Any) -> int:
     if hasattr(executor, "scheduler_info"):  # dask.distributed
         return max(1, sum(int(w.get("nthreads", 1)) for w in executor.scheduler_info()["workers"].values()))
@@ -357,9 +371,6 @@ def _workers(executor: Any) -> int:
 def _answers(executor: Any, calls: List[Tuple[Any, ...]]) -> Iterable[Optional[bytes]]:
     """What each call gave; None where its worker is lost."""
     if not hasattr(executor, "submit"):
-        if not callable(executor):
-            raise TypeError(f"executor: {type(executor).__name__} (must be one of concurrent.futures, a client of dask.distributed, "
-                            "joblib.Parallel(...), or mpi4py.futures)")
         return list(executor((_shard, call, {}) for call in calls))
     more: Dict[str, Any] = {"pure": False} if hasattr(executor, "scheduler_info") else {}
     futures = []
@@ -390,6 +401,7 @@ def _distributed(problem: Union[str, Problem], options: Options, executor: Any, 
                  progress: Any = None) -> Tuple[Result, List[DebiasWarning]]:
     """The run of these options by shards. Pilots run here; a shard whose worker is lost runs again: on another one, at last
     here."""
+    _check_executor(executor, problem)
     threads = options.pop("threads", 0)
     pilot = None
     if any(name in options for name in _GOALS) or options.get("estimator") == "recipe":
