@@ -55,6 +55,9 @@ class BadInput(unittest.TestCase):
         self.raises(TypeError, "progress", e, "A10", progress=3)
         self.raises(ValueError, "n = 0", debias.samples, "A10", 0)
         self.raises(TypeError, "n: float", debias.samples, "A10", 10.0)
+        for n in (2**48, 2**58, 2**61):  # std::bad_alloc, vector::_M_default_append
+            self.raises(MemoryError, f"^n = {n} .numbers do not fit", debias.samples, "A10", n)
+        self.assertEqual(e(SCALAR, samples=100, pmf=PMF, threads=None).samples, 100)
         self.raises(TypeError, "seed", debias.replay, "A10", 3)
         self.raises(TypeError, "complex", debias.diagnose, np.array([1j]))
         self.raises(ValueError, "no value", debias.diagnose, [])

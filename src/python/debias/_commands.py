@@ -134,7 +134,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
 
 
 def _refuse_threads(problem: Union[str, Problem], threads: Any) -> None:
-    if isinstance(problem, str) or problem._inner.compiled or threads in (0, 1, "0", "1"):
+    if isinstance(problem, str) or problem._inner.compiled or threads in (None, 0, 1, "0", "1"):
         return
     raise ValueError(f"threads = {threads} (Python functions answer on the thread that called, whatever they release); leave it "
                      "out, take executor=, or a compiled function")
@@ -199,9 +199,17 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
     problem = _problem(problem)
     options = _options(seed=seed, **_shape(problem, _estimator(problem, pmf, estimator), pmf), base_level=base_level,
                        block=block, points=points)
-    with _Bar(progress) as bar:
-        values = _debias.samples(_inner(problem), options, n, first, bar)
     components = problem.components if isinstance(problem, Problem) else 1
+    too_many = f"n = {n} (numbers do not fit into memory); draw them in parts, by `first`"
+    if n * components >= 2**56:
+        raise MemoryError(too_many)
+    try:
+        with _Bar(progress) as bar:
+            values = _debias.samples(_inner(problem), options, n, first, bar)
+    except MemoryError as e:
+        if str(e) != "std::bad_alloc":  # of the user's function
+            raise
+        raise MemoryError(too_many) from None
     result = (values.reshape(-1, components) if components > 1 else values).view(Samples)
     result.seed = seed
     return result
