@@ -352,8 +352,8 @@ def _check_executor(executor: Any, problem: Union[str, Problem]) -> None:
                         "joblib.Parallel(...), or mpi4py.futures)" + ("; call it" if isinstance(executor, type) else ""))
     own = isinstance(problem, Problem) and not problem._inner.compiled
     if own and isinstance(executor, concurrent.futures.ThreadPoolExecutor) and _workers(executor) > 1:
-        raise ValueError("executor: ThreadPoolExecutor (whose threads share the problem, and Python functions answer one run at a time); "
-                         "take processes, or leave it out")
+        raise ValueError("executor: ThreadPoolExecutor (whose threads share the problem, and Python functions answer one run at a "
+                         "time); take processes, or leave it out")
 
 
 def _workers(executor: Any) -> int:

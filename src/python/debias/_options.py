@@ -39,7 +39,8 @@ def _option(name: str, value: Any) -> Union[str, int, float]:
     if isinstance(value, str):
         return value
     if name in _KINDS or not _is_real(value):
-        raise TypeError(f"{name}: {type(value).__name__} (must be {_KINDS.get(name, 'a number, or the word of the program for one')})")
+        kind = _KINDS.get(name, "a number, or the program's word for one")
+        raise TypeError(f"{name}: {type(value).__name__} (must be {kind})")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
 
 
