@@ -245,7 +245,11 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
   // A pilot has been told more, by its caller.
   if (drawn.facts && fixed.pilot.levels.empty()) fixed.pilot.sequence = *drawn.facts;
   check_on_all(fixed, drawn);
-  drawn.begin(fixed.first / block, (fixed.first + fixed.samples) / block, !fixed.earlier);
+  // What an earlier run without holes holds does not come again, but for a chunk that was cut.
+  const bool in_order = !fixed.earlier || (fixed.earlier->contiguous() && fixed.earlier->first() <= fixed.first);
+  const std::int64_t chunk = drawn.pieces.chunk;
+  const std::int64_t held = fixed.earlier && in_order ? fixed.earlier->last() / chunk * chunk : fixed.first;
+  drawn.begin(std::max(fixed.first, held) / block, (fixed.first + fixed.samples) / block, in_order);
   Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
   if (nonfinite > 0 && s.nonfinite == 0) {  // as many samples again have shown none: no number is an answer
     throw std::invalid_argument("Goal: " + std::to_string(nonfinite) +

@@ -46,18 +46,28 @@ using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 /// Look-ups that Python answers: answer(level, questions) returns a checked array of rows of numbers, and
 /// answer(level, questions, base_level) those with a shared base; size(level) gives the numbers of a row of questions, at
-/// most `widest`, and the work of a draw.
+/// most `widest`, and the work of a draw. What Python throws says at which level, unless all levels ask together.
 std::shared_ptr<Lookups> lookups_of(const py::function& answer, const py::function& size, double widest,
-                                    bool shares = false) {
+                                    bool shares = false, bool by_level = true) {
   const auto is_shared = [shares](std::int64_t key) { return shares && key >= shared_key(0, 0); };
-  const auto answer_of = [f = kept(answer), is_shared](std::int64_t key, std::span<const double> questions,
-                                                       std::size_t rows, std::vector<double>& answers) {
+  const auto answer_of = [f = kept(answer), is_shared, by_level](std::int64_t key, std::span<const double> questions,
+                                                                 std::size_t rows, std::vector<double>& answers) {
     const py::gil_scoped_acquire acquire;
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     const auto n = static_cast<py::ssize_t>(rows);
     py::array_t<double> asked({n, static_cast<py::ssize_t>(questions.size() / rows)});
     std::memcpy(asked.mutable_data(), questions.data(), questions.size_bytes());
-    const py::object answered = is_shared(key) ? (*f)(level_of_key(key), asked, base_of_key(key)) : (*f)(key, asked);
+    const std::int64_t level = is_shared(key) ? level_of_key(key) : key;
+    const py::object answered = [&] {
+      try {
+        return is_shared(key) ? (*f)(level, asked, base_of_key(key)) : (*f)(level, asked);
+      } catch (const py::error_already_set& e) {
+        if (by_level)
+          add_note(e,
+                   "debias: at level " + std::to_string(level) + ", of an array of " + std::to_string(rows) + " rows");
+        throw;
+      }
+    }();
     const auto given = answered.template cast<Doubles>();
     if (given.ndim() != 2 || given.shape(0) != n) throw std::logic_error("answers: not one row for each question");
     answers.insert(answers.end(), given.data(), given.data() + given.size());
@@ -122,8 +132,9 @@ void bind_problems(py::module_& m) {
   });
   m.def("mean", [](const py::dict& facts, const py::function& answer, const py::function& size, const std::string& g,
                    const std::string& points, double from, double to) {
-    return translated(
-        [&] { return mean_problem(facts_of(facts), lookups_of(answer, size, 0x1p24), g, points, from, to); });
+    return translated([&] {
+      return mean_problem(facts_of(facts), lookups_of(answer, size, 0x1p24, false, false), g, points, from, to);
+    });
   });
 }
 

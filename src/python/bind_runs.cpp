@@ -60,9 +60,22 @@ struct State {
     });
   }
   /// With what another one has spent before its run, too.
-  [[nodiscard]] State with_pilot_of(const State& other) const {
+  [[nodiscard]] State with_pilot_of(const State& other) const { return with_pilot(other.sums->pilot); }
+  /// With so many seconds of draws that count for nothing else. What their work was nobody knows: as much as that of a pilot
+  /// in the same time, where there was one.
+  [[nodiscard]] State with_lost_seconds(double seconds) const {
+    const PilotRun& spent = sums->pilot;
+    const double a_second = spent.seconds > 0 ? spent.work / spent.seconds : 0;
+    PilotRun lost;
+    lost.work = a_second * seconds;
+    lost.seconds = seconds;
+    return with_pilot(lost);
+  }
+
+ private:
+  [[nodiscard]] State with_pilot(const PilotRun& more) const {
     RunState mine = *sums;
-    mine.pilot += other.sums->pilot;
+    mine.pilot += more;
     return State{std::make_shared<const RunState>(std::move(mine))};
   }
 };
@@ -216,6 +229,9 @@ void bind_runs(py::module_& m) {
       .def("bytes", &State::bytes)
       .def("merged", &State::merged)
       .def("with_pilot_of", &State::with_pilot_of)
+      .def("with_lost_seconds", &State::with_lost_seconds)
+      .def_property_readonly("seconds", [](const State& s) { return s.sums->seconds; })
+      .def_property_readonly("pilot_seconds", [](const State& s) { return s.sums->pilot.seconds; })
       .def_property_readonly("first", [](const State& s) { return s.sums->first(); })
       .def_property_readonly("last", [](const State& s) { return s.sums->last(); })
       .def_property_readonly("contiguous", [](const State& s) { return s.sums->contiguous(); })

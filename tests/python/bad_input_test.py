@@ -15,13 +15,15 @@ import unittest
 import warnings
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 
 import debias
 
 import chains_test
-from shared import PMF, SCALAR, ignoring_doubts, powers, square
+from shared import PMF, SCALAR, VECTOR, ignoring_doubts, powers, square
 
 
 class BadInput(unittest.TestCase):
@@ -53,6 +55,9 @@ class BadInput(unittest.TestCase):
         self.raises(TypeError, "progress", e, "A10", progress=3)
         self.raises(ValueError, "n = 0", debias.samples, "A10", 0)
         self.raises(TypeError, "n: float", debias.samples, "A10", 10.0)
+        for n in (2**48, 2**58, 2**61):  # std::bad_alloc, vector::_M_default_append
+            self.raises(MemoryError, f"^n = {n} .numbers do not fit", debias.samples, "A10", n)
+        self.assertEqual(e(SCALAR, samples=100, pmf=PMF, threads=None).samples, 100)
         self.raises(TypeError, "seed", debias.replay, "A10", 3)
         self.raises(TypeError, "complex", debias.diagnose, np.array([1j]))
         self.raises(ValueError, "no value", debias.diagnose, [])
@@ -86,6 +91,111 @@ class BadInput(unittest.TestCase):
             self.raises(ValueError, "^max_seconds", e, "A10", error=10, max_seconds=seconds)
         self.raises(TypeError, "^max_seconds: list", e, "A10", error=10, max_seconds=[1])
         self.assertTrue(e("A10", error=0.1, max_seconds="10s").samples > 0)
+
+    def test_what_is_no_pmf_says_what_is(self):
+        # 'int' object is not iterable; and of bytes, keys and sets masses were made.
+        for pmf in (3, True, 0.5, 1j, np.float32(0.5), np.array(0.5), b"geometric", {0: 0.5, 1: 0.25}, {0.5, 0.25}, int, object()):
+            for f, *arguments in ((debias.estimate, "A10"), (debias.samples, "A10", 3), (debias.estimate, SCALAR)):
+                self.raises(TypeError, "^pmf: .* .must be a name .*debias.pmfs.*the masses.*or a function", f, *arguments, pmf=pmf)
+        for pmf, said in ((["a", "b"], "0 is 'a', str"), ([0.5, None], "1 is None"), ([[0.5, 0.2]], "0 is .0.5, 0.2., list"),
+                          (lambda j: "x", "0 is 'x', str"), ([True, False], "0 is True, bool")):
+            self.raises(TypeError, f"^pmf: mass {said}.*must be a number", debias.estimate, "A10", pmf=pmf)
+        for pmf, said in (([], "none"), ([1], "1"), ([0.5, np.nan], "0.5, nan"), ([5, 4, 3, 2, 0], "5, 4, 3, 2, ...")):
+            self.raises(ValueError, f"^pmf: masses {said} .must be two or more", debias.estimate, "A10", pmf=pmf)
+        same = [debias.samples("A10", 20, pmf=p) for p in ([0.75, 0.1875], (Fraction(3, 4), Decimal("0.1875")), np.float32([0.75, 0.1875]))]
+        for other in same[1:]:
+            np.testing.assert_array_equal(same[0], other)
+
+    @ignoring_doubts
+    def test_the_words_of_the_program(self):
+        words = {"samples": "auto", "base_level": "auto", "points": "auto", "pmf": "declared", "error": "none", "relative_error": "none",
+                 "seconds": "none", "max_seconds": "none"}
+        for problem in ("A10", SCALAR):
+            plain, said = debias.estimate(problem, samples=2000), debias.estimate(problem, **{**words, "samples": 2000})
+            self.assertEqual(said.mean, plain.mean)
+            self.assertEqual(debias.estimate(problem, **{**words, "error": 0.1}).mean, debias.estimate(problem, error=0.1).mean)
+            shape = {name: words[name] for name in ("base_level", "points", "pmf")}
+            np.testing.assert_array_equal(debias.samples(problem, 20, **shape), debias.samples(problem, 20))
+            self.assertEqual(debias.replay(problem, 3, seed=1, **shape)["value"], debias.replay(problem, 3, seed=1)["value"])
+            self.assertEqual(debias.extend(plain, samples=4000, error="none").samples, 4000)
+            self.assertEqual(debias.survey(problem, levels=3, samples="auto").levels["draws"][0], 10_000)
+            advice = {name: word for name, word in words.items() if name not in ("pmf", "max_seconds")}
+            self.assertEqual(debias.advise(problem, **advice)["pmf"], debias.advise(problem)["pmf"])
+            for name, word in words.items():  # of another option it is none
+                if name not in ("points", "pmf"):
+                    self.raises(ValueError, f"^{name} = '{'none' if word == 'auto' else 'auto'}'", debias.estimate, problem,
+                                **{name: "none" if word == "auto" else "auto"})
+        unrated = debias.levels(powers(square), dimension=lambda k: 2**k)
+        self.raises(ValueError, "^pmf: none .*declares no rates", debias.estimate, unrated, samples=2000, pmf="declared")
+        self.raises(ValueError, "^'recipes' is not an estimator", debias.estimate, unrated, estimator="recipes")
+        for estimator in (3, True, ["recipe"]):
+            self.raises(TypeError, "^estimator: .*must be a name, see debias.estimators", debias.estimate, "A10", estimator=estimator)
+
+    @ignoring_doubts
+    def test_numbers_of_any_kind(self):
+        """An array of no dimension, or a Decimal, was no number."""
+        for kind in (np.array, np.int32, np.float32, np.float64, Fraction, Decimal, int, str):
+            with self.subTest(kind):
+                self.assertEqual(debias.estimate("A10", samples=kind(2000), seed=3, confidence=0.5).samples, 2000)
+                self.assertEqual(debias.survey("A10", levels=kind(3), samples=kind(100)).levels["level"].tolist(), [0, 1, 2])
+        for kind in (np.array, np.int32, np.uint8, int):
+            self.assertEqual(len(debias.samples("A10", kind(3), first=kind(2))), 3)
+        for kind in (np.array, np.float32, Fraction, Decimal):
+            result = debias.estimate("A10", samples=2000, confidence=kind(0.75))
+            self.assertEqual(result.confidence_interval(kind(0.5)), result.confidence_interval(0.5))
+            self.assertEqual(result.confidence_interval, result.confidence_interval(0.75))
+        for x in (True, np.True_, np.array(True), [2000], np.array([2000]), 2000j, b"2000"):
+            self.raises(TypeError, "^samples: .*must be a number", debias.estimate, "A10", samples=x)
+
+    def test_numbers_that_are_none_say_which(self):
+        # "bad operand type for abs(): 'str'", and a gap, a shared base or a `normals` that was a text
+        x = lambda u: 1 + u[:, 0] ** 2  # noqa: E731
+        a, spd = np.array([[0.2, 0.1], [0.1, 0.3]]), np.array([[2.0, 0.5], [0.5, 1.0]])
+        walk = debias.chains.random_walk(lambda x: -0.5 * x[:, 0] ** 2, 2.4)
+        chain = debias.chains.coupled_chain(walk, lambda u: 6 * u - 3, lambda x: x[:, 0])
+        takers = {"ratio": lambda v: debias.series(lambda k: 0.5**k, ratio=v), "exponent": lambda v: debias.series(lambda k: 1, exponent=v),
+                  "at": lambda v: debias.taylor(x, "exp", v), "mean_square": lambda v: debias.taylor(x, "log", 1.4, mean_square=v),
+                  "length": lambda v: debias.transmittance(x, v, 2), "control": lambda v: debias.transmittance(x, 1, v),
+                  "radius": lambda v: debias.neumann(a, [1, 1], [1, 1], radius=v),
+                  "lower": lambda v: debias.solve(spd, [1, 1], [1, 1], lower=v, upper=3),
+                  "upper": lambda v: debias.log_determinant_spd(spd, lower=0.5, upper=v), "bound": lambda v: debias.reciprocal_trials(x, v),
+                  "interval": lambda v: debias.function_of_integral(x, "log", interval=(0, v)),
+                  "horizon": lambda v: debias.brownian_increments([[1]], v),
+                  "step": lambda v: debias.chains.random_walk(x, v), "burn_in": lambda v: debias.chains.coupled_chain(walk, x, x, burn_in=v),
+                  "normals": lambda v: debias.function_of_mean(x, "log", normals=v), "rng": lambda v: debias.levels(x, rng=v),
+                  "polynomial": lambda v: debias.levels(x, rates=(2, 1), polynomial=v), "gap": lambda v: debias.function_of_mean(x, x, gap=v),
+                  "shared": lambda v: debias.levels(x, shared=v)}
+        for name, f in takers.items():
+            for v in ("x", [0.5], 1j, b"x", {}, (1, 2, 3)):
+                self.raises(TypeError, f"^{name}: .*must be", f, v)
+        for name in ("at", "control", "exponent", "length", "bound"):
+            self.raises(ValueError, f"^{name} = nan .must be finite", takers[name], float("nan"))
+        arrays = {"uniforms": debias.normal_quantile, "normals": debias.brownian_increments, "at": lambda v: debias.gradient(lambda x: x[0], v),
+                  "b": lambda v: debias.neumann(a, v, [1, 1], radius=0.5), "c": lambda v: debias.solve(spd, [1, 1], v, lower=0.5, upper=3),
+                  "weights": lambda v: debias.chains.mixture(v, walk)}
+        for name, f in arrays.items():
+            for v in ("x", ["a", "b"], [1j, 1], np.array([1j, 1]), None, [None, 1], [[1], [1, 2]], {}):
+                self.raises(TypeError, f"^{name}: .*must be an array of real numbers", f, v)
+        self.raises(ValueError, r"^b: of shape \(3,\) .must have 2 numbers", arrays["b"], [1, 2, 3])
+        self.raises(TypeError, "^operator: .*real numbers", debias.estimate, debias.neumann(a * 1j, [1, 1], [1, 1], radius=0.5), samples=100)
+        self.raises(ValueError, "^radius = 1.5 .must lie in .0, 1", takers["radius"], 1.5)
+        self.raises(ValueError, "^kind = .*must be forward, central or second", lambda: debias.finite_difference(np.sin, 1, kind=["central"]))
+        self.raises(ValueError, "^seed = 'x' .not a number", debias.chains.advise, chain, seed="x")
+        self.raises(TypeError, "^sample: NoneType .must be the index", debias.replay, "A10", None, seed=1)
+        self.assertEqual(debias.normal_quantile([Fraction(1, 2), Decimal("0.5")]).tolist(), [0, 0])
+
+    @ignoring_doubts
+    def test_intervals_of_no_level(self):
+        # A second argument was taken for nothing, or for a problem without a word.
+        for report in (debias.estimate("A10", samples=2000), debias.estimate(VECTOR, samples=2000), debias.diagnose([1.0, 2.0, 3.0])):
+            interval = report.confidence_interval
+            for level in (95, 0, 1, -0.1, float("nan"), "95%"):
+                self.raises(ValueError, "^confidence = ", interval, level)
+            for level in (None, True, [0.9], 1j, np.array([0.9])):
+                self.raises(TypeError, "^confidence: .*must be a number", interval, level)
+            self.raises(TypeError, "^problem: int .must be a name", interval, 0.9, 1)
+            self.raises(TypeError, "^problem: float .must be a name", interval, 0.95, 0.5)
+        self.raises(TypeError, "^problem: of a diagnosis", interval, 0.9, "A10")
 
     def test_no_words_of_c_or_of_the_inside(self):
         own = powers(square)
@@ -200,6 +310,12 @@ class BadInput(unittest.TestCase):
         self.raises(ValueError, "returned nan at level", run, lambda k, u: np.where(u[:, 0] < 0.1, np.nan, 1))
         self.raises(ValueError, "returned inf", mean, lambda x: np.full(len(x), np.inf))
         self.raises(ValueError, r"integrand: returned shape \(\)", mean, lambda x: 1.0)
+        self.raises(ValueError, r"shape \(\d+, 1\) .*; take a column, x\[:, 0\]$", mean, lambda x: 1 + x)
+        self.raises(ValueError, r"shape \(\) .*axis=1$", mean, np.sum)
+        self.raises(ValueError, r"shape \(2, \d+\) at level 1 .*are a tuple, \(fine, coarse\)$", run,
+                    lambda k, u: u[:, 0] if k == 0 else [u[:, 0], u[:, 0]])
+        self.raises(TypeError, "^integrand: returned list of rows of different lengths", mean, lambda x: [[1.0], [1.0, 2.0]])
+        self.raises(TypeError, "^values: list of rows of different lengths", debias.diagnose, [[1.0], [1.0, 2.0]])
         self.raises(ZeroDivisionError, "division", run, lambda k, u: 1 / 0)
         self.raises(TypeError, "positional", run, lambda k: 1)
         self.raises(ValueError, "dimension = 0", run, powers(square), dimension=0)
@@ -269,7 +385,8 @@ class BadInput(unittest.TestCase):
             except Own as e:
                 self.assertIs(e.args[0], marker)
                 if sys.version_info >= (3, 11):
-                    self.assertIn("seed 1, sample 0", e.__notes__[0])
+                    self.assertIn("at level 3, of an array of", e.__notes__[0])
+                    self.assertIn("seed 1, sample 0", e.__notes__[1])
                 return weakref.ref(marker)
             self.fail("nothing raised")
 
@@ -277,6 +394,33 @@ class BadInput(unittest.TestCase):
         gc.collect()
         self.assertIsNone(gone())
         self.assertEqual(debias.estimate(SCALAR, samples=1000, pmf=PMF).samples, 1000)  # and the next run works
+
+    @unittest.skipIf(sys.version_info < (3, 11), "exceptions have no notes")
+    def test_an_exception_of_a_pilot_says_its_level_too(self):
+        def differences(level, u):
+            if level >= 2:
+                raise ArithmeticError("deep")
+            return powers(square)(level, u)
+
+        def term(k, u):
+            if k >= 2:
+                raise ArithmeticError("deep")
+            return u[:, 0] * 0.5**k
+
+        levels = debias.levels(differences, dimension=lambda k: 2**k, rates=(2, 1))
+        series = debias.series(term, ratio=0.5, dimension=1)
+        for own in (levels, series):
+            for f, options in ((debias.estimate, {"samples": 5000}), (debias.estimate, {"error": 0.01}), (debias.advise, {}),
+                               (debias.estimate, {"estimator": "recipe", "samples": 5000}), (debias.survey, {}), (debias.tradeoff, {}),
+                               (debias.samples, {"n": 500}), (debias.replay, {"sample": 3, "seed": 1, "estimator": "truncated", "base_level": 2})):
+                with self.subTest(own, f=f, **options):
+                    with self.assertRaisesRegex(ArithmeticError, "^deep$") as raised:
+                        f(own, **options)
+                    self.assertRegex(raised.exception.__notes__[0], "^debias: at level [2-9], of an array of [0-9]+ rows$")
+        mean = debias.function_of_mean(lambda x: 1 / 0, "log")  # one array for all levels
+        with self.assertRaises(ZeroDivisionError) as raised:
+            debias.estimate(mean, samples=500)
+        self.assertNotIn("level", "".join(raised.exception.__notes__))
 
     def test_a_problem_runs_once_at_a_time(self):
         own = []

@@ -3,9 +3,12 @@
     PYTHONPATH=BUILD/python /usr/bin/python3 tests/python/own_compiled_test.py
 """
 
+import concurrent.futures
 import ctypes
+import functools
 import math
 from pathlib import Path
+import pickle
 import shutil
 import subprocess
 import tempfile
@@ -16,6 +19,10 @@ import numpy as np
 import debias
 
 from own_shared import Quiet, scipy, x_squared
+
+
+def x_squared_beside(_, u):
+    return x_squared(u)
 
 
 class Compiled(Quiet):
@@ -66,6 +73,22 @@ void levels(int64_t k, int64_t n, double *u, double *out) {
             with_data = scipy.LowLevelCallable(c.scaled, ctypes.cast(ctypes.pointer(data), ctypes.c_void_p))
             same = debias.function_of_mean(with_data, "reciprocal")
             self.assertEqual(debias.estimate(same, **options).mean, debias.estimate(python, **options).mean)
+
+    def test_an_address_does_not_pickle(self):
+        # "ctypes objects containing pointers cannot be pickled"
+        c = self.library()
+        compiled = [debias.function_of_mean(c.f, "log"), debias.function_of_integral(c.f, "log"),
+                    debias.levels(c.levels, dimension=lambda k: 2**k, rates=(2, 1))]
+        if scipy is not None:
+            compiled.append(debias.function_of_mean(scipy.LowLevelCallable(c.f), "log"))
+        for own in compiled:
+            self.raises(pickle.PicklingError, r"^problem: \w+ \(a compiled function, whose address is .*shard=", pickle.dumps, own)
+        with concurrent.futures.ProcessPoolExecutor(1) as pool:
+            self.raises(pickle.PicklingError, "whose address is of this process", debias.estimate, compiled[0], samples=5000, executor=pool)
+        parts = [debias.estimate(compiled[0], samples=5000, shard=(i, 2)) for i in (1, 2)]  # what it says instead
+        self.assertEqual(debias.merge(*parts).mean, debias.estimate(compiled[0], samples=5000).mean)
+        holds = debias.function_of_mean(functools.partial(x_squared_beside, c.f), "log")
+        self.raises(pickle.PicklingError, "^problem: .partial. .holds what cannot be pickled: ctypes", pickle.dumps, holds)
 
     def test_numba(self):
         try:

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import warnings
 
@@ -113,6 +114,83 @@ class Kept(Quiet):
         self.assertEqual(debias.extend(again, samples=20_000).mean, debias.extend(short, samples=20_000).mean)
         goal = debias.extend(short, error=0.01)
         self.assertLess(goal.standard_error, 0.012)
+
+    def test_a_run_that_goes_on_asks_for_as_many_rows_at_once(self):
+        # Chunk by chunk: 30 seconds of calls where `max_seconds` said 6.
+        calls = []
+
+        def counted(u):
+            calls.append(len(u))
+            return x_squared(u)
+
+        own = debias.function_of_mean(counted, "reciprocal")
+        for first, block in ((65_536, 1), (70_000, 1), (70_000, 4)):
+            with self.subTest(first=first, block=block):
+                short = debias.estimate(own, samples=first, seed=5, block=block)
+                calls.clear()
+                whole = debias.estimate(own, samples=4 * first, seed=5, block=block)
+                new = len(calls)
+                calls.clear()
+                self.assertEqual(debias.extend(short, samples=4 * first).mean, whole.mean)
+                self.assertLess(len(calls), new + 3)
+
+    def test_max_seconds_counts_what_came_too_late(self):
+        # The pilot of the error takes half of the time, and was not counted.
+        def slow(u):
+            time.sleep(0.03)
+            return x_squared(u)
+
+        own = debias.function_of_mean(slow, "reciprocal")
+        start = time.monotonic()
+        late = debias.estimate(own, error=1e-6, max_seconds=0.4, pmf="geometric:theta=1.3")
+        self.assertGreater(late.pilot_seconds, 0.2)
+        self.assertLess(late.seconds, time.monotonic() - start)
+        self.assertTrue(late["goal"]["error"] == 1e-6 and not late["goal"]["met"])
+
+    def test_executors_that_are_none(self):
+        own = self.PROBLEMS["own"]
+        for executor in (3, "processes", print, x_squared, concurrent.futures.ThreadPoolExecutor, [], object()):
+            for problem in ("A10", own):
+                self.raises(TypeError, "^executor: .*must be one of concurrent.futures", debias.estimate, problem, samples=20_000,
+                            executor=executor)
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:  # "in use by another run; make two"
+            self.raises(ValueError, "^executor: ThreadPoolExecutor .*take processes", debias.estimate, own, samples=20_000, executor=pool)
+            self.assertEqual(debias.estimate("A10", samples=20_000, executor=pool).mean, debias.estimate("A10", samples=20_000).mean)
+        with concurrent.futures.ThreadPoolExecutor(1) as pool:
+            self.assertEqual(debias.estimate(own, samples=20_000, executor=pool).mean, debias.estimate(own, samples=20_000).mean)
+
+    def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_work(self):
+        # After it, of '' and of a folder that is not there; bytes were written beside the file.
+        calls = []
+
+        def counted(u):
+            calls.append(len(u))
+            return x_squared(u)
+
+        own = debias.function_of_mean(counted, "reciprocal")
+        with tempfile.TemporaryDirectory() as folder:
+            taken = Path(folder) / "taken"
+            taken.write_text("x")
+            os.mkfifo(Path(folder) / "pipe")
+            for path, kind, said in (
+                    ("", ValueError, "is no name"), (b"", ValueError, "is no name"), ("a\0b", ValueError, "is no name"),
+                    (folder, IsADirectoryError, "is a folder"), (Path(folder), IsADirectoryError, "is a folder"),
+                    (folder + "/", IsADirectoryError, "is a folder"), (os.fsencode(folder), IsADirectoryError, "is a folder"),
+                    (folder + "/none/run", FileNotFoundError, "there is no folder '.*none'"),
+                    (folder + "/none/", FileNotFoundError, "no folder"),
+                    (taken / "run", FileNotFoundError, "there is no folder '.*taken'"), (folder + "/pipe", ValueError, "is a device or a pipe"),
+                    (folder + "/" + 300 * "x", OSError, "cannot be written: File name too long"), (taken, ValueError, "is no run of debias"),
+                    (3, TypeError, "int .must be the path"), (True, TypeError, "bool .must be"), (["x"], TypeError, "list .must be"),
+                    (open, TypeError, "must be the path")):
+                with self.subTest(path):
+                    self.raises(kind, f"^checkpoint: .*{said}", debias.estimate, own, samples=2000, checkpoint=path)
+            self.assertEqual(calls, [])
+            self.assertEqual(sorted(os.listdir(folder)), ["pipe", "taken"])
+            plain = debias.estimate(own, samples=2000)
+            for path in (os.fsencode(folder) + b"/run", folder + "/run", Path(folder) / "run"):  # one file
+                self.assertEqual(debias.estimate(own, samples=2000, checkpoint=path).mean, plain.mean)
+            self.assertEqual(len(calls), 2)
+            self.assertEqual(sorted(os.listdir(folder)), ["pipe", "run", "taken"])
 
     def test_checkpoints(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -12,7 +12,7 @@ import numpy as np
 
 import debias
 
-from own_shared import Quiet, scipy, x_squared
+from own_shared import Quiet, scipy, start, x_squared
 
 
 class Means(Quiet):
@@ -169,6 +169,69 @@ class Levels(Quiet):
         self.raises(ValueError, "all positive", debias.estimate, own, pmf=[0.5, 0.0, 0.5])
         self.raises(ValueError, "must fall", debias.estimate, own, pmf=[0.5, 0.5])
 
+
+    def test_functions_may_write_into_what_they_see_or_give(self):
+        """One array for all answers, or a step in place: other numbers, without a word."""
+        held = {}
+
+        def one_array(f):
+            def g(*arguments):
+                out = np.asarray(f(*arguments))
+                array = held.setdefault((g, out.shape), np.empty(out.shape))
+                array[...] = out
+                return array
+
+            return g
+
+        def in_place(f):
+            def g(*arguments):
+                out = np.array(f(*arguments))
+                for x in arguments:
+                    if isinstance(x, np.ndarray):
+                        x[...] = -7
+                return out
+
+            return g
+
+        def of_rng(f):
+            return debias.levels(f(lambda level, rng: rng.random(2) * 0.5**level), rng=True, components=2, rates=(2, 1), work=1)
+
+        def chain(f):
+            walk = debias.chains.mala(f(lambda x: -0.5 * x[:, 0] ** 2), f(lambda x: -x), 1.2)
+            return debias.chains.coupled_chain(walk, start, f(lambda x: x[:, 0] ** 2), burn_in=5, length=20, lag=3)
+
+        def own_chain(f):
+            def step(x, u):
+                return np.where(x == 0, u < 0.3, u < 0.8).astype(float)
+
+            both = f(lambda x, y, u: np.stack((step(x, u), step(y, u))))
+            flip = debias.chains.kernel(f(step), lambda x, y, u: tuple(both(x, y, u)), uniforms=1)
+            return debias.chains.coupled_chain(flip, lambda u: np.floor(2 * u), f(lambda x: x[:, 0]), burn_in=5, length=20, lag=3)
+
+        problems = {"block": lambda f: debias.function_of_mean(f(x_squared), "reciprocal", block=64), "rng": of_rng, "chain": chain,
+                    "kernel": own_chain, "g": lambda f: debias.function_of_mean(x_squared, f(lambda m: 1 / m)),
+                    "gradient": lambda f: debias.gradient(f(lambda x, u: u[:, 0] * x[0] * x[1]), [1.0, 2.0], dimension=1)}
+        for kind in ("central", "forward", "second"):
+            problems[kind] = lambda f, kind=kind: debias.finite_difference(f(lambda x, u: np.exp(x * u[:, 0])), 0.3, dimension=1, kind=kind)
+        for name, problem in problems.items():
+            expected = debias.samples(problem(lambda f: f), 100)
+            for wrapped in (one_array, in_place):
+                with self.subTest(name, wrapped=wrapped.__name__):
+                    np.testing.assert_array_equal(debias.samples(problem(wrapped), 100), expected)
+        a, b = np.array([[0.1, 0.2], [0.3, 0.1]]), np.array([1.0, 1.0])
+        late = debias.neumann(a, b, [1, 1], radius=0.4)
+        b[:] = 100
+        self.close(late, 2.3 / 0.75)
+
+    def test_masks_are_no_answers_in_blocks(self):
+        def masked(u):
+            return np.ma.array(x_squared(u), mask=u[:, 0] > 0.9)
+
+        own = debias.function_of_mean(masked, "log", block=64)
+        self.raises(ValueError, "^integrand: returned .* masked", debias.estimate, own, samples=1000)
+        for answer, kind, said in ((None, TypeError, "NoneType"), (1.0, ValueError, r"shape \(\)")):
+            own = debias.levels(lambda k, u, answer=answer: answer, dimension=1, rates=(2, 1), block=64)
+            self.raises(kind, f"^differences: returned {said} at level 0", debias.estimate, own, samples=1000)
 
     def test_work_beyond_any_number_is_no_limit(self):
         problem = debias.levels(lambda level, u: u[:, 0] * 2.0**-level, dimension=1, rates=(2, 1), work=lambda k: 2**k)

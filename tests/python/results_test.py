@@ -7,6 +7,7 @@ import json
 import math
 import pickle
 import re
+import time
 import unittest
 import warnings
 
@@ -304,11 +305,57 @@ class Results(unittest.TestCase):
         self.assertEqual(seed_of(2**64 - 1), 2**64 - 1)
         self.assertEqual(seed_of(0), 0)
 
+    @ignoring_doubts
+    def test_what_a_report_does_not_have(self):
+        # `"mean" in result` was a KeyError of 0, and so was hasattr(diagnosis, "levels") of 'levels'.
+        result, multilevel = debias.estimate("A10", samples=1000), debias.estimate("A10", estimator="multilevel", error=0.2)
+        self.assertTrue("mean" in result and "means" not in result and 0 not in result)
+        self.assertEqual(list(result), list(result.to_dict()))
+        for report in (debias.diagnose([1.0, 2.0]), debias.advise("A10"), debias.tradeoff("A10", points=2, samples=1000)):
+            self.assertFalse(hasattr(report, "levels"))
+            with self.assertRaisesRegex(AttributeError, "^levels .this .* has none"):
+                report.levels
+        with self.assertRaisesRegex(AttributeError, "^confidence_interval .a result of multilevel"):
+            multilevel.confidence_interval
+
     def test_progress(self):
         seen = []
         debias.estimate("E05", samples=3e5, progress=lambda done, total: seen.append((done, total)))
         self.assertTrue(seen and seen[-1][1] == 3e5, seen)
         debias.estimate("A10", samples=1000, progress=True)
+
+    @ignoring_doubts
+    def test_progress_is_a_share_that_rises_to_one(self):
+        # To a goal the total stayed 0, and no run told its end.
+        def slow(u):
+            time.sleep(0.05)
+            return 1 + u[:, 0] ** 2
+
+        own = debias.function_of_mean(slow, "reciprocal")
+        seen = []
+
+        def told(done, total):
+            self.assertTrue(0 <= done and (total == 0 or done <= total), (done, total))
+            seen.append((done, total))
+
+        def ends(result):
+            shares = [done / total for done, total in seen if total]
+            self.assertEqual(seen[-1], (result.samples, result.samples))
+            self.assertEqual(shares, sorted(shares))
+            seen.clear()
+            return shares
+
+        shares = ends(debias.estimate(own, error=2.25e-4, progress=told))  # more than a second after its pilots
+        self.assertLess(shares[0], 1)
+        for problem in ("A10", SCALAR):
+            for options in ({"samples": 1000}, {"samples": 60_000}, {"error": 0.03}, {"seconds": 0.2}, {"estimator": "recipe", "error": 0.03},
+                            {"error": 1e-3, "max_seconds": 0.3}, {"samples": 60_000, "shard": (2, 3)}):
+                with self.subTest(problem=problem, **options):
+                    ends(debias.estimate(problem, progress=told, **options))
+        short = debias.estimate("A10", samples=1000)
+        ends(debias.extend(short, error=0.03, progress=told))
+        with self.assertRaisesRegex(ZeroDivisionError, "division"):  # of the function's own
+            debias.estimate("A10", samples=1000, progress=lambda done, total: 1 / 0)
 
 
 class Plots(unittest.TestCase):

@@ -56,7 +56,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     confidence : float
         Of the interval.
     progress : bool or callable, optional
-        True for a bar by tqdm, or a function of (done, total); total is 0 while it is not known.
+        True for a bar by tqdm, or a function of (done, total). total is 0 while it is not known: while pilots draw, of a run to a
+        goal up to a second longer. What had a total ends with (total, total).
     executor : optional
         Splits the samples over its workers: of concurrent.futures, a client of dask.distributed, joblib.Parallel(...), or one of
         mpi4py.futures. The bits are those of one process; a shard whose worker is lost runs again. The problem is pickled.
@@ -98,6 +99,8 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
     options = _options(samples=samples, seed=_seed(seed), threads=threads, **_shape(problem, estimator, pmf), base_level=base_level,
                        block=block, points=points, error=error, relative_error=relative_error, seconds=seconds,
                        confidence=confidence)
+    limit = _options(max_seconds=max_seconds)
+    max_seconds = _debias.seconds("max_seconds", limit) if limit else None
     ways = {"executor": executor, "shard": shard, "checkpoint": checkpoint, "max_seconds": max_seconds}
     given = [name for name, x in ways.items() if x is not None]
     if len(given) > 1:
@@ -108,8 +111,6 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
         shards = _whole("shards", shards, 1)
     if shard is not None:
         shard = _kept._shard_of(shard)
-    if max_seconds is not None:
-        max_seconds = _debias.seconds("max_seconds", _options(max_seconds=max_seconds))
     doubts: List[DebiasWarning] = []
     with _Bar(progress) as bar:
         if estimator == "multilevel":
@@ -133,7 +134,7 @@ def estimate(problem: Union[str, Problem], *, samples: Optional[Number] = None, 
 
 
 def _refuse_threads(problem: Union[str, Problem], threads: Any) -> None:
-    if isinstance(problem, str) or problem._inner.compiled or threads in (0, 1, "0", "1"):
+    if isinstance(problem, str) or problem._inner.compiled or threads in (None, 0, 1, "0", "1"):
         return
     raise ValueError(f"threads = {threads} (Python functions answer on the thread that called, whatever they release); leave it "
                      "out, take executor=, or a compiled function")
@@ -198,9 +199,17 @@ def samples(problem: Union[str, Problem], n: int, *, seed: Seed = 1, first: int 
     problem = _problem(problem)
     options = _options(seed=seed, **_shape(problem, _estimator(problem, pmf, estimator), pmf), base_level=base_level,
                        block=block, points=points)
-    with _Bar(progress) as bar:
-        values = _debias.samples(_inner(problem), options, n, first, bar)
     components = problem.components if isinstance(problem, Problem) else 1
+    too_many = f"n = {n} (numbers do not fit into memory); draw them in parts, by `first`"
+    if n * components >= 2**56:
+        raise MemoryError(too_many)
+    try:
+        with _Bar(progress) as bar:
+            values = _debias.samples(_inner(problem), options, n, first, bar)
+    except MemoryError as e:
+        if str(e) != "std::bad_alloc":  # of the user's function
+            raise
+        raise MemoryError(too_many) from None
     result = (values.reshape(-1, components) if components > 1 else values).view(Samples)
     result.seed = seed
     return result
@@ -236,6 +245,8 @@ def replay(problem: Union[str, Problem], sample: Number, *, seed: Seed, estimato
     if seed is None or isinstance(seed, np.random.Generator):
         raise TypeError(f"seed: {type(seed).__name__} (would be another one than that of the run); give the `seed` of "
                         "its result")
+    if sample is None:
+        raise TypeError("sample: NoneType (must be the index of one); that of the largest is result.largest['index'][0]")
     problem = _problem(problem)
     options = _options(sample=sample, seed=seed if isinstance(seed, str) else _seed(seed),
                        **_shape(problem, _estimator(problem, pmf, estimator), pmf), base_level=base_level, block=block,

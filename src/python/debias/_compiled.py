@@ -36,6 +36,12 @@ def _normal(signature: str) -> str:
     return re.sub(r"\s*\*", " *", re.sub(r"\s+", " ", s)).replace("( ", "(").strip()
 
 
+def _is_address(f: Any) -> bool:
+    """Whether it is a compiled function, of which Python knows the address alone."""
+    return (isinstance(f, _FUNCTION_POINTER) or (type(f).__name__ == "LowLevelCallable" and isinstance(f, tuple))
+            or (hasattr(f, "address") and hasattr(f, "ctypes")))
+
+
 def _pointer(what: str, f: Any, expected: Tuple[str, ...]) -> Optional[Pointer]:
     """Of a compiled function; None of any other. Raises TypeError for one of another signature."""
     user = 0

@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, Optional, Sequence
 import numpy as np
 
 from . import _debias
-from ._options import _real, _whole
+from ._options import _real, _reals, _whole
 from ._own import _checked, _facts, _function, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array
@@ -20,7 +20,7 @@ _KINDS = {"forward": (1, 2), "central": (2, 2), "second": (2, 3)}
 
 def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, ratio: float, last_level: Optional[int],
                dimension: int, normals: bool, components: Optional[int], facts: Dict[str, Any]) -> Problem:
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise ValueError(f"kind = '{kind}' (must be forward, central or second)")
     first_step, ratio = _real("first_step", first_step), _real("ratio", ratio)
     if not np.isfinite(at).all():
@@ -37,11 +37,11 @@ def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, r
     last = _whole("last_level", last_level, 0)
     n_of = len(at)
 
-    def values(x: Array, u: Array, level: int) -> Array:
-        point: Any = x if components is not None else float(x[0])
+    def values(x: Array, u: Array, level: int) -> Array:  # f may write into what it sees, or into one array each time
+        point: Any = x.copy() if components is not None else float(x[0])
         if width == 0:
             return np.full(len(u), float(_checked("f", np.reshape(f(point), (1,)), (1,), level, x[None, :])[0]))
-        return _checked("f", f(point, u), (len(u),), level, u)
+        return _checked("f", f(point, u.copy()), (len(u),), level, u).copy()
 
     def quotient(level: int, u: Array, here: Optional[Array]) -> Array:
         columns = []
@@ -75,7 +75,7 @@ def _quotients(f: Callable[..., Any], at: Array, kind: str, first_step: float, r
     if facts["variance_decay"] is None:
         facts.update(variance_decay=-2 * order * math.log2(ratio), work_growth=0.0)
     if width == 0:
-        size = abs(float(f(at if components is not None else float(at[0]))))
+        size = abs(float(f(at.copy() if components is not None else float(at[0]))))
     else:
         few = (np.arange(32 * width).reshape(32, width) + 0.5) / (32 * width)
         size = float(np.sqrt(np.mean(values(at, normal_quantile(few) if normals else few, 0) ** 2)))
@@ -158,7 +158,7 @@ def gradient(f: Callable[..., Any], at: Sequence[float], *, kind: str = "central
     True
     """
     _function("f", f, "x" if dimension == 0 else "(x, array)")
-    point = np.array(at, dtype=np.float64)
+    point = np.array(_reals("at", at))
     if point.ndim != 1 or not len(point):
         raise ValueError(f"at: of shape {point.shape} (must be a row of coordinates)")
     facts = _facts(name, formula, None, rates, False, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import json
 import math
 import operator
@@ -19,6 +20,7 @@ from ._problem import Problem
 from ._reports import Result
 
 Options = Dict[str, Any]
+_GOALS = ("error", "relative_error", "seconds")
 _MAGIC = b"debias run of Python, 1\n"
 
 
@@ -39,9 +41,31 @@ def _shard_of(shard: Any) -> Tuple[int, int]:
 
 def _run(problem: Union[str, Problem], options: Options, progress: Any = None, earlier: Any = None,
          shard: Optional[Tuple[int, int]] = None, save: Optional[Callable[[Any, Options], Any]] = None) -> Result:
-    report, state, settled = _debias.run_kept(_inner(problem), options, progress, earlier, shard, save, False)
+    tell, keep = _telling(progress, save, options)
+    report, state, settled = _debias.run_kept(_inner(problem), options, tell, earlier, shard, keep, False)
+    return _reported(problem, report, state, settled, shard, progress)
+
+
+def _telling(progress: Any, save: Any, options: Options) -> Tuple[Any, Any]:
+    """progress and save of a run. How many samples a goal takes it says when it saves, about a second after its pilots."""
+    if progress is None or not any(name in options for name in _GOALS):
+        return progress, save
+    total = [0.0]
+
+    def keep(state: Any, settled: Options) -> None:
+        total[0] = settled["samples"]
+        if save is not None:
+            save(state, settled)
+
+    return (lambda done, of: progress(done, of or total[0])), keep
+
+
+def _reported(problem: Union[str, Problem], report: Any, state: Any, settled: Options, shard: Optional[Tuple[int, int]],
+              progress: Any) -> Result:
     result = Result._of(report)
     result._kept(problem, state, settled, shard)
+    if progress is not None:
+        progress(result.samples, result.samples)
     return result
 
 
@@ -71,9 +95,7 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
     try:
         report, state, settled = _debias.run_kept(inner, options, in_half, None, None, None, True)
         if report is not None:
-            result = Result._of(report)
-            result._kept(problem, state, settled, None)
-            return result
+            return _reported(problem, report, state, settled, None, progress)
     except (_Late, ValueError):  # so many samples cannot be drawn, perhaps: fewer may
         pass
     if limit < math.inf:
@@ -87,7 +109,11 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
     else:
         state = state.with_pilot_of(timed)
     options = {**settled, "samples": min(settled["samples"], in_time["samples"]), **threads}
-    if state.last <= options["samples"]:
+    goes_on = state.last <= options["samples"]
+    # A pilot that came too late, and draws beyond the end, took their time, too.
+    counted = state.pilot_seconds + (state.seconds if goes_on else 0)
+    state = state.with_lost_seconds(max(0.0, time.monotonic() - start - counted))
+    if goes_on:
         return _run(problem, options, progress, state)
     drawn = _run(problem, options, progress)
     return _run(problem, options, None, drawn._state.with_pilot_of(state))
@@ -96,15 +122,45 @@ def _within(problem: Union[str, Problem], options: Options, seconds: Any, progre
 # ---- on disk
 
 
+def _file_of(path: Any) -> str:
+    """The file that a run can be kept in: an answer before the work."""
+    try:
+        file = os.fsdecode(path)
+    except TypeError:
+        raise TypeError(f"checkpoint: {type(path).__name__} (must be the path of a file)") from None
+    said = f"checkpoint: {file!r}"
+    if not file or "\0" in file:
+        raise ValueError(f"{said} (is no name of a file); write checkpoint='run.checkpoint', say")
+    if os.path.isdir(file):
+        raise IsADirectoryError(f"{said} (is a folder); name a file in it")
+    if os.path.exists(file) and not os.path.isfile(file):
+        raise ValueError(f"{said} (is a device or a pipe); take the name of a file")
+    folder = os.path.dirname(file)
+    if folder and not os.path.isdir(folder):
+        raise FileNotFoundError(f"{said} (there is no folder {folder!r}); make it first, or take another name")
+    try:
+        with open(_beside(file), "wb"):
+            pass
+        os.remove(_beside(file))
+    except OSError as e:
+        raise type(e)(f"{said} (cannot be written: {e.strerror}); take another name") from None
+    return file
+
+
+def _beside(file: str) -> str:
+    """The name under which a file is written before it takes the place of the last one."""
+    return f"{file}.{os.getpid()}.new"
+
+
 def _checkpointed(problem: Union[str, Problem], options: Options, progress: Any, path: Any) -> Result:
-    file = os.fspath(path)
+    file = _file_of(path)
     asked = json.dumps({name: x for name, x in options.items() if name not in ("threads", "confidence")}, sort_keys=True)
     whose = {"problem": _name(problem), "asked": asked, "version": _debias.version, "streams": _debias.stream_version}
 
     def save(state: Any, settled: Options) -> None:
         contents = state.bytes()
         head = json.dumps({**whose, "settled": settled, "size": len(contents), "crc": zlib.crc32(contents)}).encode()
-        written = f"{file}.{os.getpid()}.new"
+        written = _beside(file)
         with open(written, "wb") as out:
             out.write(_MAGIC + head + b"\n" + contents)
             out.flush()
@@ -287,6 +343,19 @@ def _shard(problem: Union[str, Problem], options: Options, shard: Tuple[int, int
     return data
 
 
+def _check_executor(executor: Any, problem: Union[str, Problem]) -> None:
+    """Before any pilot."""
+    joblib = callable(executor) and hasattr(executor, "n_jobs")
+    if isinstance(executor, type) or not (hasattr(executor, "submit") or joblib):
+        said = executor.__name__ if isinstance(executor, type) else type(executor).__name__
+        raise TypeError(f"executor: {said} (must be one of concurrent.futures, a client of dask.distributed, "
+                        "joblib.Parallel(...), or mpi4py.futures)" + ("; call it" if isinstance(executor, type) else ""))
+    own = isinstance(problem, Problem) and not problem._inner.compiled
+    if own and isinstance(executor, concurrent.futures.ThreadPoolExecutor) and _workers(executor) > 1:
+        raise ValueError("executor: ThreadPoolExecutor (whose threads share the problem, and Python functions answer one run at a "
+                         "time); take processes, or leave it out")
+
+
 def _workers(executor: Any) -> int:
     if hasattr(executor, "scheduler_info"):  # dask.distributed
         return max(1, sum(int(w.get("nthreads", 1)) for w in executor.scheduler_info()["workers"].values()))
@@ -302,9 +371,6 @@ def _workers(executor: Any) -> int:
 def _answers(executor: Any, calls: List[Tuple[Any, ...]]) -> Iterable[Optional[bytes]]:
     """What each call gave; None where its worker is lost."""
     if not hasattr(executor, "submit"):
-        if not callable(executor):
-            raise TypeError(f"executor: {type(executor).__name__} (must be one of concurrent.futures, a client of dask.distributed, "
-                            "joblib.Parallel(...), or mpi4py.futures)")
         return list(executor((_shard, call, {}) for call in calls))
     more: Dict[str, Any] = {"pure": False} if hasattr(executor, "scheduler_info") else {}
     futures = []
@@ -335,15 +401,13 @@ def _distributed(problem: Union[str, Problem], options: Options, executor: Any, 
                  progress: Any = None) -> Tuple[Result, List[DebiasWarning]]:
     """The run of these options by shards. Pilots run here; a shard whose worker is lost runs again: on another one, at last
     here."""
+    _check_executor(executor, problem)
     threads = options.pop("threads", 0)
     pilot = None
-    goal = [name for name in ("error", "relative_error", "seconds") if name in options]
-    if goal or options.get("estimator") == "recipe":
+    if any(name in options for name in _GOALS) or options.get("estimator") == "recipe":
         report, pilot, settled = _debias.run_kept(_inner(problem), {**options, "threads": threads}, progress, None, None, None, True)
         if report is not None:  # it was short
-            result = Result._of(report)
-            result._kept(problem, pilot, settled, None)
-            return result, []
+            return _reported(problem, report, pilot, settled, None, progress), []
         options = settled
     samples = int(float(options.get("samples", 1e6)))
     chunk = 512 * int(options.get("block", 1))

@@ -7,7 +7,7 @@ from typing import Any, Callable, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from . import _compiled, _debias
-from ._options import _whole
+from ._options import _real, _whole
 from ._own import _checked, _facts, _function, _in_blocks, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array, Facts
@@ -56,6 +56,8 @@ class _Doubling:
 def _own_mean(draws: Callable[[int, Array], Array], g: Function, gap: Optional[Gap], components: Optional[int],
               size: Callable[[int], Tuple[float, float]], facts: Facts) -> Problem:
     width = None if components is None else _whole("components", components, 1)
+    if gap is not None:
+        _function("gap", gap, "(means, d)")
     facts["deepest_level"] = 26
     return Problem(_debias.levels(facts, _Doubling(draws, g, gap, width), size, width or 0, True, 2.0**30))
 
@@ -126,7 +128,7 @@ def function_of_mean(integrand: Callable[[Array], Any], g: Union[str, Function],
         if not isinstance(g, str):
             raise TypeError(f"g: {type(g).__name__} (must be the name of a function, beside a compiled integrand)")
         return Problem(_debias.compiled_mean(facts, compiled.address, compiled.user, width, g, "independent", 0.0, 1.0))
-    seen = integrand if block is None else _in_blocks(integrand, _whole("block", block, 1))
+    seen = integrand if block is None else _in_blocks("integrand", integrand, _whole("block", block, 1))
     numbers = (lambda u: seen(normal_quantile(u))) if normals else seen
     if isinstance(g, str):
         for option, x in (("gap", gap), ("inputs", inputs), ("components", components)):
@@ -190,6 +192,7 @@ def function_of_integral(integrand: Callable[[Array], Any], g: str, *, interval:
         raise TypeError(f"interval: {interval!r} (must be (from, to))") from None
     if not isinstance(g, str):
         raise TypeError(f"g: {type(g).__name__} (must be the name of a function)")
+    low, high = _real("interval", low), _real("interval", high)
     d = _whole("dimension", dimension, 1)
     points = points or ("comb" if d == 1 else "nets")
     if points == "nets" and (low, high) != (0, 1):
@@ -199,9 +202,9 @@ def function_of_integral(integrand: Callable[[Array], Any], g: str, *, interval:
     facts = _facts(name, formula, truth, rates, False, lowest_base)
     compiled = _compiled._integrand(integrand)
     if compiled is not None:
-        return Problem(_debias.compiled_mean(facts, compiled.address, compiled.user, 1, g, points, float(low), float(high)))
+        return Problem(_debias.compiled_mean(facts, compiled.address, compiled.user, 1, g, points, low, high))
     _function("integrand", integrand, "an array")
-    return _named_mean(integrand, g, points, d, float(low), float(high), facts)
+    return _named_mean(integrand, g, points, d, low, high, facts)
 
 
 def _named_mean(integrand: Any, g: str, points: str, dimension: int, low: float, high: float, facts: Facts) -> Problem:

@@ -39,7 +39,10 @@ def diagnose(values: Any, *, name: str = "array") -> Diagnosis:
     >>> debias.diagnose(np.random.default_rng(1).normal(size=10_000)).verdict
     'finite'
     """
-    array, missing = _numbers(values)
+    try:
+        array, missing = _numbers(values)
+    except ValueError:
+        raise TypeError(f"values: {type(values).__name__} of rows of different lengths (must be an array of real numbers)") from None
     if array.dtype.kind not in "fiub":
         raise TypeError(f"values: an array of {array.dtype} (must be of real numbers)")
     diagnostician = _debias.Diagnostician()

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _compiled, _debias
 from ._numbers import _has_mask, _numbers
-from ._options import _real, _whole
+from ._options import _real, _reals, _scalar, _whole
 from ._problem import Problem, _maker
 from ._reports import _ends
 from ._types import Array
@@ -35,7 +35,7 @@ def normal_quantile(uniforms: Any) -> Array:
     >>> debias.normal_quantile([0.5, 0.975]).round(6).tolist()
     [0.0, 1.959964]
     """
-    numbers_of: Array = _debias.normal_quantile(uniforms)
+    numbers_of: Array = _debias.normal_quantile(_reals("uniforms", uniforms))
     if not _has_mask(uniforms):
         return numbers_of
     masked: Array = np.ma.array(numbers_of, mask=np.ma.getmaskarray(uniforms))
@@ -66,9 +66,10 @@ def brownian_increments(normals: Any, horizon: float = 1.0) -> Array:
     >>> debias.brownian_increments([[1.0, 0.0]], horizon=4).tolist()
     [[1.0, 1.0]]
     """
-    z = np.asarray(normals, dtype=np.float64)
+    z = _reals("normals", normals)
     if z.ndim != 2 or z.shape[1] < 1:
         raise ValueError(f"brownian_increments: normals of shape {z.shape} (must be (n, steps), with at least one step)")
+    horizon = _real("horizon", horizon)
     if not (horizon > 0 and math.isfinite(horizon)):
         raise ValueError(f"brownian_increments: horizon = {horizon!r} (must be positive and finite)")
     n, steps = z.shape
@@ -168,6 +169,8 @@ def levels(differences: Callable[..., Any], *, dimension: Union[int, Callable[[i
     compiled = _compiled._levels(differences)
     if compiled is None:
         _function("differences", differences, "(level, uniforms)")
+    if shared is not None:
+        _function("shared", shared, "(level, base_level, uniforms)")
     width = 1 if components is None else _whole("components", components, 1)
     dimension_of = _function_of_level("dimension", dimension, whole=True)
     work_of = dimension_of if work is None else _function_of_level("work", work, whole=False)
@@ -190,8 +193,8 @@ def levels(differences: Callable[..., Any], *, dimension: Union[int, Callable[[i
         differences = _each_alone(differences)
     if block is not None:
         size = _whole("block", block, 1)
-        differences = _in_blocks(differences, size)
-        shared = None if shared is None else _in_blocks(shared, size)
+        differences = _in_blocks("differences", differences, size)
+        shared = None if shared is None else _in_blocks("shared", shared, size)
 
     def answer(level: int, uniforms: Array, base_level: Optional[int] = None) -> Array:
         numbers = normal_quantile(uniforms) if normals else uniforms
@@ -230,8 +233,13 @@ def _generator(row: Array) -> np.random.Generator:
 
 
 def _each_alone(differences: Callable[..., Any]) -> Callable[..., Any]:
+    def own(answer: Any) -> Any:  # of a function that writes into one array each time
+        if isinstance(answer, tuple):
+            return tuple(own(part) for part in answer)
+        return answer.copy() if isinstance(answer, np.ndarray) else answer
+
     def all_of(level: int, uniforms: Array) -> Any:
-        answers = [differences(level, _generator(row)) for row in uniforms]
+        answers = [own(differences(level, _generator(row))) for row in uniforms]
         if answers and isinstance(answers[0], tuple):
             return tuple(np.array(part) for part in zip(*answers))
         return np.array(answers)
@@ -239,7 +247,7 @@ def _each_alone(differences: Callable[..., Any]) -> Callable[..., Any]:
     return all_of
 
 
-def _in_blocks(f: Callable[..., Any], size: int) -> Callable[..., Any]:
+def _in_blocks(name: str, f: Callable[..., Any], size: int) -> Callable[..., Any]:
     """f of blocks of one size: the rows of the last one again fill it up."""
 
     def padded(*arguments: Any) -> Any:
@@ -252,25 +260,46 @@ def _in_blocks(f: Callable[..., Any], size: int) -> Callable[..., Any]:
             if fill:
                 rows = np.concatenate((rows, np.broadcast_to(rows[-1:], (fill, rows.shape[1]))))
             out = f(*levels_of, rows)
-            parts = out if isinstance(out, tuple) else (out,)
-            answers.append(tuple(np.asarray(part)[:size - fill] for part in parts))
+            parts = [_checked_mask(name, part) for part in (out if isinstance(out, tuple) else (out,))]
+            if any(not part.ndim for part in parts):
+                return out  # no rows: whoever looks at it says so
+            answers.append(tuple(part[:size - fill].copy() for part in parts))  # f may write into one array each time
         joined = tuple(np.concatenate(part) for part in zip(*answers))
         return joined if len(joined) > 1 else joined[0]
 
     return padded
 
 
-def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[int], inputs: Array) -> Array:
-    where = "" if level is None else f" at level {level}"
-    array, missing = _numbers(out)
+def _checked_mask(function: str, out: Any, where: str = "") -> Array:
+    try:
+        array, missing = _numbers(out)
+    except ValueError:
+        raise TypeError(f"{function}: returned {type(out).__name__}{where} of rows of different lengths (must be an array of real "
+                        "numbers)") from None
     if missing is not None:
         raise ValueError(f"{function}: returned {missing.sum()} masked or missing values{where} (draws that are left "
                          "out would be a bias); return a number for each row")
+    return array
+
+
+def _meant(function: str, returned: Tuple[int, ...], shape: Tuple[int, ...]) -> str:
+    """What goes wrong first."""
+    if returned == (*shape, 1):
+        return "; take a column, x[:, 0]"
+    if returned == () and len(shape) == 1:
+        return "; numbers of a row go together by axis=1"
+    return "; two parts are a tuple, (fine, coarse)" if function == "differences" and returned == (2, *shape) else ""
+
+
+def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[int], inputs: Array) -> Array:
+    where = "" if level is None else f" at level {level}"
+    array = _checked_mask(function, out, where)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{function}: returned {array.dtype if array.ndim else type(out).__name__}{where} (must be an "
                         "array of real numbers)")
     if array.shape != shape:
-        raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)")
+        raise ValueError(f"{function}: returned shape {array.shape}{where} (must be {shape}: one for each row)"
+                         f"{_meant(function, array.shape, shape)}")
     array = array.astype(np.float64, copy=False)
     if math.isfinite(np.add.reduce(array, axis=None)):  # then each of them is
         return array
@@ -284,7 +313,7 @@ def _checked(function: str, out: Any, shape: Tuple[int, ...], level: Optional[in
 
 def _function_of_level(name: str, value: Any, *, whole: bool) -> Callable[[int], float]:
     def checked(level: int) -> float:
-        x = value(level) if callable(value) else value
+        x = _scalar(value(level) if callable(value) else value)
         if isinstance(x, bool) or not isinstance(x, numbers.Integral if whole else numbers.Real):
             raise TypeError(f"{name}: {type(x).__name__} at level {level} (must be a "
                             f"{'whole ' if whole else ''}number)")

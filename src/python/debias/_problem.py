@@ -6,7 +6,10 @@ import functools
 import pickle
 from typing import Any, Callable, Dict, Optional, Tuple, TypeVar, cast
 
+import numpy as np
+
 from . import _debias
+from ._compiled import _is_address
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -23,23 +26,36 @@ class _ByValue:
 
 def _packed(x: Any) -> Any:
     """Of functions, what can be pickled: themselves where they can be imported, else by value."""
-    if not callable(x) or isinstance(x, type):
-        return x
-    by_name = getattr(x, "__module__", None) != "__main__"
-    if by_name:
+    if _is_address(x):
         try:
             pickle.dumps(x)
             return x
-        except (pickle.PicklingError, AttributeError, TypeError):
-            pass
+        except Exception as e:  # ctypes, SciPy and numba each have their own
+            raise pickle.PicklingError(f"problem: {_said(x)} (a compiled function, whose address is of this process alone); run it on "
+                                       "threads, without an executor, or make the problem in each process, draw shard=(i, n) there "
+                                       "and merge the results") from e
+    if not callable(x) or isinstance(x, type):
+        return x
+    by_name = getattr(x, "__module__", None) != "__main__"
+    nameless = "(pickle finds no function by that name); define it at the top of a module, or install cloudpickle"
     try:
+        if by_name:
+            try:
+                pickle.dumps(x)
+                return x
+            except (pickle.PicklingError, AttributeError):
+                pass
+            except Exception as e:  # of what it holds, each kind of which has its own
+                nameless = f"(holds what cannot be pickled: {e}); let it make that where it is called"
         import cloudpickle
+
+        return _ByValue(cloudpickle.dumps(x))
     except ImportError:
         if not by_name and "<" not in getattr(x, "__qualname__", "<"):
             return x
-        raise pickle.PicklingError(f"problem: {getattr(x, '__qualname__', x)!r} (pickle finds no function by that name); define "
-                                   "it at the top of a module, or install cloudpickle") from None
-    return _ByValue(cloudpickle.dumps(x))
+    except Exception as e:
+        nameless = f"(holds what cannot be pickled: {e}); let it make that where it is called"
+    raise pickle.PicklingError(f"problem: {getattr(x, '__qualname__', type(x).__name__)!r} {nameless}")
 
 
 def _made_again(name: str, arguments: Tuple[Any, ...], options: Dict[str, Any]) -> Any:
@@ -117,6 +133,9 @@ def _maker(f: F) -> F:
 
     @functools.wraps(f)
     def making(*arguments: Any, **options: Any) -> Any:
+        for name in ("normals", "rng", "polynomial"):  # any text would be a yes
+            if not isinstance(options.get(name), (bool, np.bool_, type(None))):
+                raise TypeError(f"{name}: {type(options[name]).__name__} (must be True or False)")
         problem = f(*arguments, **options)
         problem._made = (f.__name__, arguments, options)
         return problem

@@ -5,12 +5,13 @@ from __future__ import annotations
 import copy
 import html
 import math
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union, cast
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union, cast
 
 import numpy as np
 
 from . import _debias
 from ._errors import DebiasWarning
+from ._options import _option, _problem
 from ._types import Array
 
 
@@ -48,7 +49,7 @@ class _IntervalOf(Interval):
         return found
 
     def __call__(self, level: float, problem: Any = None) -> Interval:
-        found: Interval = self._report._interval(level) if problem is None else self._report._interval(level, problem)
+        found: Interval = self._report._interval(_option("confidence", level), None if problem is None else _problem(problem))
         return found
 
     def __reduce__(self) -> Tuple[Any, ...]:
@@ -94,6 +95,12 @@ class Report:
         if key not in self._data:
             _debias.refuse_if_renamed(f"['{key}']")
         return self._data[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._data
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and self._same() == other._same()
@@ -144,6 +151,8 @@ class Report:
     @property
     def levels(self) -> Array:
         """What is known of each level, as a structured array."""
+        if "levels" not in self._data:
+            raise AttributeError(f"levels (this {type(self).__name__} has none)")
         return _table(self._data["levels"])
 
     @property
@@ -281,7 +290,8 @@ class Result(Report):
 
     def _known(self, key: str) -> Any:
         if key not in self._data:
-            raise AttributeError(f"{key} (a result of multilevel has none; it has a 'bias')")
+            name = "confidence_interval" if key == "interval" else key
+            raise AttributeError(f"{name} (a result of multilevel has none; it has a 'bias')")
         return self._data[key]
 
     @property
@@ -385,7 +395,9 @@ class Diagnosis(Report):
         """
         return _IntervalOf._made(self, *self._interval((self._data["interval"] or {}).get("confidence", 0.95)))
 
-    def _interval(self, level: float) -> Interval:
+    def _interval(self, level: float, problem: Any = None) -> Interval:
+        if problem is not None:
+            raise TypeError("problem: of a diagnosis (has none, but its numbers); leave it out")
         interval = self._data["interval"] or {"low": None, "high": None, "confidence": None}
         if level == interval["confidence"]:
             return Interval(_number(interval["low"]), _number(interval["high"]))

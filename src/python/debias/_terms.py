@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from . import _debias
-from ._options import _whole
+from ._options import _finite, _real, _reals, _whole
 from ._own import _checked, _facts, _function, normal_quantile
 from ._problem import Problem, _maker
 from ._types import Array, Facts
@@ -21,14 +21,23 @@ def _rates_of(ratio: Optional[float], exponent: Optional[float]) -> Tuple[Rates,
     if ratio is not None and exponent is not None:
         raise ValueError("ratio and exponent (terms fall like ratio^k, or like k^-exponent); give one of them")
     if ratio is not None:
+        ratio = _real("ratio", ratio)
         if not 0 < abs(ratio) < 1:
             raise ValueError(f"ratio = {ratio} (must lie in (-1, 1), and not be 0); a series that diverges has no sum to estimate")
         return (-2 * math.log2(abs(ratio)), 0.0), False
     if exponent is not None:
+        exponent = _finite("exponent", exponent)
         if not exponent > 0:
             raise ValueError(f"exponent = {exponent} (must be positive: terms have to fall)")
         return (2.0 * exponent, 0.0), True
     return None, False
+
+
+def _radius(radius: Any) -> float:
+    r = _real("radius", radius)
+    if not 0 < r < 1:
+        raise ValueError(f"radius = {r} (must lie in (0, 1), a bound of the spectral radius); the series of another has no sum")
+    return r
 
 
 def _path(facts: Facts, terms: Callable[[int, Array], Array], size: Callable[[int], Tuple[float, float]]) -> Problem:
@@ -217,8 +226,11 @@ def taylor(integrand: Callable[[Array], Any], g: Union[str, Callable[[int], floa
     """
     _function("integrand", integrand, "an array")
     width = _whole("dimension", dimension, 1)
-    coefficients, scale, radius = _power_series(g, float(at))
+    at = _finite("at", at)
+    coefficients, scale, radius = _power_series(g, at)
     rates: Rates = (4.0, 0.0) if math.isinf(radius) and isinstance(g, str) else None  # at least
+    if mean_square is not None:
+        mean_square = _real("mean_square", mean_square)
     if mean_square is not None and math.isfinite(radius):
         b = mean_square / radius**2
         if not 0 < b < 1:
@@ -269,8 +281,9 @@ def transmittance(density: Callable[[Array], Any], length: float, control: float
     True
     """
     _function("density", density, "an array")
-    if not (length > 0 and math.isfinite(length)):
-        raise ValueError(f"length = {length} (must be positive and finite)")
+    length, control = _finite("length", length), _finite("control", control)
+    if not length > 0:
+        raise ValueError(f"length = {length} (must be positive)")
 
     def depth(u: Array) -> Array:
         return length * _checked("density", density(length * u), (len(u),), None, u)
@@ -282,10 +295,17 @@ def transmittance(density: Callable[[Array], Any], length: float, control: float
 
 
 def _applied(operator: Any, x: Array) -> Array:
-    y = np.asarray(operator @ x, dtype=np.float64)
+    y = _reals("operator", operator @ x)
     if y.shape != x.shape:
         raise ValueError(f"operator: of an array {x.shape} it makes one {y.shape} (must be square)")
     return y
+
+
+def _vector(name: str, values: Any, n: int) -> Array:
+    v = _reals(name, values)
+    if v.size != n:
+        raise ValueError(f"{name}: of shape {v.shape} (must have {n} numbers, as many as the operator has rows)")
+    return v.reshape(n).copy()
 
 
 def _order(operator: Any) -> int:
@@ -324,7 +344,7 @@ def neumann(operator: Any, b: Any, c: Any, *, radius: float, truth: Optional[flo
     True
     """
     n = _order(operator)
-    right, left = (np.asarray(v, dtype=np.float64).reshape(n) for v in (b, c))
+    right, left = _vector("b", b, n), _vector("c", c, n)
     vector = [right]
     found: List[float] = []
 
@@ -334,7 +354,7 @@ def neumann(operator: Any, b: Any, c: Any, *, radius: float, truth: Optional[flo
             vector[0] = _applied(operator, vector[0])
         return found[k]
 
-    return series(term, ratio=radius, truth=truth, name=name, formula=formula)
+    return series(term, ratio=_radius(radius), truth=truth, name=name, formula=formula)
 
 
 def _probes(uniforms: Array) -> Array:
@@ -379,12 +399,13 @@ def log_determinant(operator: Any, *, radius: float, truth: Optional[float] = No
             out[:, i] = -np.einsum("ij,ij->j", z, v) / (i + 1)
         return out
 
-    facts = _facts(name, formula, truth, _rates_of(radius, None)[0], False, 0)
+    facts = _facts(name, formula, truth, _rates_of(_radius(radius), None)[0], False, 0)
     return _path(facts, terms, lambda k: (float(n), k + 1.0))
 
 
 def _interval(lower: float, upper: float) -> Tuple[float, float, float]:
     """Middle, half width and q of a spectrum: q^k is how Chebyshev terms fall."""
+    lower, upper = _real("lower", lower), _real("upper", upper)
     if not 0 < lower < upper < math.inf:
         raise ValueError(f"spectrum in [{lower}, {upper}] (must be positive and finite: bounds of the eigenvalues)")
     middle, half = (lower + upper) / 2, (upper - lower) / 2
@@ -468,7 +489,7 @@ def solve(operator: Any, b: Any, c: Any, *, lower: float, upper: float, truth: O
     True
     """
     n = _order(operator)
-    right, left = (np.asarray(v, dtype=np.float64).reshape(n) for v in (b, c))
+    right, left = _vector("b", b, n), _vector("c", c, n)
     middle, half, q = _interval(lower, upper)
     root = math.sqrt(lower * upper)
     vectors = [right, (_applied(operator, right) - middle * right) / half]
@@ -516,8 +537,9 @@ def reciprocal_trials(integrand: Callable[[Array], Any], bound: float, *, dimens
     """
     _function("integrand", integrand, "an array")
     width = _whole("dimension", dimension, 1)
-    if not (bound > 0 and math.isfinite(bound)):
-        raise ValueError(f"bound = {bound} (must be positive and finite)")
+    bound = _finite("bound", bound)
+    if not bound > 0:
+        raise ValueError(f"bound = {bound} (must be positive)")
 
     def run(streams: Any, _: Dict[str, Any]) -> Array:
         n = len(streams)

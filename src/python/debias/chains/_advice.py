@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 import numpy as np
 
 from .. import _debias
-from .._options import Seed, _seed, _whole
+from .._options import Seed, _seed_number, _whole
 from .._reports import Report, _number, _table
 from .._types import Array
 from ._coupled import CoupledChain, _known, _taken
@@ -97,7 +97,7 @@ def advise(chain: CoupledChain, *, chains: int = 1000, seed: Seed = 1, limit: in
     (True, 'light')
     """
     chains_of = _known(chain)._chains
-    pilot = {"chains": _whole("chains", chains, 0), "seed": int(_seed(seed)), "limit": _whole("limit", limit, 0),
+    pilot = {"chains": _whole("chains", chains, 0), "seed": _seed_number(seed), "limit": _whole("limit", limit, 0),
              "multiple": _whole("multiple", multiple, 0)}
     text, data = _debias.advise_chains(chains_of.meet, chain._chains.components or 0, pilot)
     data = {"problem": chain.name, **data}
@@ -166,7 +166,7 @@ def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], An
         raise ValueError(f"check_coupling: states of shape {points.shape} (must be (two at least, dimension); near and far ones "
                          "are best)")
     n = _whole("draws", draws, 100)
-    number = int(_seed(seed))
+    number = _seed_number(seed)
     every = np.arange(n)
     at = [0]
 
@@ -178,7 +178,7 @@ def check_coupling(kernel: Kernel, states: Any, f: Optional[Callable[[Array], An
         return kernel._begin(np.repeat(points[i:i + 1], n, axis=0))
 
     def features(state: State, before: State) -> Array:
-        values = np.asarray(state[0] if f is None else f(state[0]), dtype=float).reshape(n, -1)
+        values = np.asarray(state[0] if f is None else f(state[0].copy()), dtype=float).reshape(n, -1)
         stays = (state[0] == before[0]).all(axis=1)
         return np.column_stack((values, values**2, stays))
 

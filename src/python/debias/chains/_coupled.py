@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import warnings
 from typing import Any, Callable, Dict, Optional, Tuple
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from .. import _debias
 from .._errors import DebiasWarning
-from .._options import Seed, _seed, _whole
+from .._options import Seed, _seed_number, _whole
 from .._own import _checked, _facts
 from .._problem import Problem, _packed
 from .._types import Array, Facts
@@ -54,7 +53,7 @@ class _Chains:
     def observed(self, points: Array) -> Array:
         n = len(points)
         shape = (n,) if self.components is None else (n, self.components)
-        return _checked("f", self.f(points), shape, None, points).reshape(n, self.components or 1)
+        return _checked("f", self.f(points.copy()), shape, None, points).reshape(n, self.components or 1)
 
     def meet(self, streams: Any, options: Dict[str, int], f: bool = True) -> Array:
         """A row of numbers for each stream, as src/python/chains.hpp has them; without f, sums are zero."""
@@ -225,7 +224,7 @@ def coupled_chain(kernel: Kernel, start: Any, f: Callable[[Array], Any], *, burn
             raise TypeError("start: no point (must be a row of numbers, or a function of uniforms)")
     width = None if components is None else _whole("components", components, 1)
     options = {"burn_in": burn_in, "length": length, "lag": lag, "limit": limit}
-    options = {key: operator.index(value) for key, value in options.items()}
+    options = {key: _whole(key, value, -(2**62)) for key, value in options.items()}
     chains = _Chains(kernel, start, f, _whole("dimension", dimension, 1), width)
     return CoupledChain(chains, options, _facts(name, formula, truth, None, False, 0))
 
@@ -256,7 +255,7 @@ def meeting_times(chain: CoupledChain, n: int = 1000, *, seed: Seed = 1, first: 
     >>> bool((times >= 1).all())
     True
     """
-    streams = _debias.streams(int(_seed(seed)), _whole("first", first, 0), _whole("n", n, 1))
+    streams = _debias.streams(_seed_number(seed), _whole("first", first, 0), _whole("n", n, 1))
     rows = _known(chain)._chains.meet(streams, {**chain.options, "burn_in": 0, "length": 0}, f=False)
     times = rows[:, -3].astype(np.int64)
     return np.where(rows[:, -4] != 0, chain.options["limit"] + 1, times)

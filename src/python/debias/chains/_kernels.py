@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import numbers
 from typing import Any, Callable, Dict, Optional, Sequence, Tuple, cast
 
 import numpy as np
 
 from .. import _debias
-from .._options import _whole
+from .._options import _real, _reals, _whole
 from .._problem import _packed
 from .._reports import _ends
 from .._types import Array
@@ -75,12 +74,12 @@ def _chosen(mask: Array, a: State, b: State) -> State:
 
 
 def _density(name: str, log_density: Callable[..., Any], x: Array, start: bool = False) -> Array:
-    out = np.asarray(log_density(x))
+    out = np.asarray(log_density(x.copy()))  # a function may write into its points, or into one array each time
     if out.dtype.kind not in "fiub":
         raise TypeError(f"log_density: returned {out.dtype} (must be an array of real numbers)")
     if out.shape != (len(x),):
         raise ValueError(f"log_density: returned shape {out.shape} (must be {(len(x),)}: one for each row)")
-    out = out.astype(np.float64, copy=False)
+    out = out.astype(np.float64)
     wrong = ~(out < math.inf)
     if start:
         wrong |= ~(out > -math.inf)
@@ -95,7 +94,7 @@ def _density(name: str, log_density: Callable[..., Any], x: Array, start: bool =
 
 
 def _gradient(name: str, gradient: Callable[..., Any], x: Array, needed: Array) -> Array:
-    out = np.asarray(gradient(x), dtype=np.float64)
+    out = np.array(gradient(x.copy()), dtype=np.float64)
     if out.shape != x.shape:
         raise ValueError(f"gradient: returned shape {out.shape} (must be {x.shape}: that of the points)")
     wrong = needed & ~np.isfinite(out).all(axis=1)
@@ -106,12 +105,11 @@ def _gradient(name: str, gradient: Callable[..., Any], x: Array, needed: Array) 
 
 
 def _step_size(name: str, step: Any) -> float:
-    if isinstance(step, (bool, np.bool_)) or not isinstance(step, numbers.Real):
-        raise TypeError(f"step: {type(step).__name__} (must be a number)")
-    if not (step > 0 and math.isfinite(step)):  # type: ignore[operator]
+    step = _real("step", step)
+    if not (step > 0 and math.isfinite(step)):
         raise ValueError(f"{name}: step = {step} (must be positive and finite); 2.4 / sqrt(dimension) standard deviations "
                          "of the target is usual for a random walk")
-    return float(step)
+    return step
 
 
 def _function(name: str, f: Any) -> Callable[..., Any]:
@@ -379,7 +377,7 @@ def mixture(weights: Sequence[float], *kernels: Kernel) -> Kernel:
     >>> density = lambda x: -0.5 * x[:, 0] ** 2
     >>> both = mixture([3, 1], random_walk(density, 2.4), random_walk(density, 0.5))
     """
-    array = np.asarray(weights, dtype=float)
+    array = _reals("weights", weights)
     for one in kernels:
         if not isinstance(one, Kernel):
             raise TypeError(f"mixture: {type(one).__name__} (must be a kernel); see debias.chains.kernel for your own")
@@ -397,7 +395,7 @@ class _Own(Kernel):
 
     @staticmethod
     def _checked(name: str, out: Any, before: Array) -> Array:
-        out = np.asarray(out)
+        out = np.array(out)
         if out.dtype.kind not in "fiub":
             raise TypeError(f"{name}: returned {out.dtype} (must be an array of real numbers)")
         if out.shape != before.shape:
@@ -408,10 +406,10 @@ class _Own(Kernel):
         return cast(Array, out)
 
     def _step(self, x: State, uniforms: _Numbers) -> State:
-        return (self._checked("step", self._one(x[0], uniforms(self._width)), x[0]),)
+        return (self._checked("step", self._one(x[0].copy(), uniforms(self._width)), x[0]),)
 
     def _coupled_step(self, x: State, y: State, uniforms: _Numbers) -> Tuple[State, State]:
-        out = self._both(x[0], y[0], uniforms(self._coupled_width))
+        out = self._both(x[0].copy(), y[0].copy(), uniforms(self._coupled_width))
         if not isinstance(out, tuple) or len(out) != 2:
             raise TypeError(f"coupled_step: returned {type(out).__name__} (must be a pair: the next x and the next y)")
         return tuple((self._checked("coupled_step", a, b),) for a, b in zip(out, (x[0], y[0])))  # type: ignore[return-value]
