@@ -9,6 +9,7 @@
 #include "commands/pictures.hpp"
 #include "commands/text.hpp"
 #include "core/run_state_bytes.hpp"
+#include "core/text.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -35,7 +36,7 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
     const ComponentEstimate& c = s.components.front();
     summary.stream() << report.problem->id << ' ' << report.problem->name << ": "
                      << with_error(c.mean, c.standard_error) << ", z = " << commands::rounded(report.z, 3) << ", "
-                     << std::to_string(s.samples) << " samples, seed " << std::to_string(s.seed) << '\n';
+                     << counted(s.samples, "sample") << ", seed " << std::to_string(s.seed) << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;
@@ -45,11 +46,11 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
                  : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
-  complain(
-      std::to_string(s.nonfinite) + " of " +
-      (s.block > 1 ? std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) : std::to_string(s.samples)) +
-      " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
-      std::to_string(s.first_nonfinite));
+  complain(std::to_string(s.nonfinite) + " of " +
+           (s.block > 1 ? counted(s.blocks, "block") + " of " + std::to_string(s.block) + " samples"
+                        : counted(s.samples, "sample")) +
+           are(s.nonfinite) + " not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
+           std::to_string(s.first_nonfinite));
   return nonfinite_samples;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/communicator.hpp"
+#include "core/text.hpp"
 
 namespace debias::cli {
 namespace {
@@ -93,9 +94,9 @@ Loaded load(const std::string& path, const Ranks& ranks) {
   try {
     const auto read = [&] {
       PartFile file = read_parts(path);
-      if (file.dropped > 0) {
-        complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
-                 " bytes are no whole record and are left out");
+      if (const auto n = static_cast<std::int64_t>(file.dropped); n > 0) {
+        complain("warning: '" + path + "': its last " + counted(n, "byte") + are(n) + " no whole record and" + are(n) +
+                 " left out");
       }
       return encode(file.text, file.parts);
     };

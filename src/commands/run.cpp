@@ -8,6 +8,7 @@
 
 #include <debias/core/estimator.hpp>
 
+#include "core/text.hpp"
 #include "core/words.hpp"
 #include "describe.hpp"
 #include "recipe/prose.hpp"
@@ -201,8 +202,8 @@ std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
     const std::int64_t held = earlier.sums ? earlier.sums->last() : 0;
     if (debias::detail::whole_blocks(*request.samples, earlier.sums ? earlier.sums->block() : 1) < held) {
       throw BadRequest({samples_field, " = '" + std::to_string(*request.samples) + "' (the file holds " +
-                                           std::to_string(held) +
-                                           " samples already, and none is thrown away); ask for more"});
+                                           counted(held, "sample") +
+                                           " already, and none is thrown away); ask for more"});
     }
     r.sampling.goal = {};
     r.sampling.samples = request.samples;

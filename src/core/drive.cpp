@@ -217,8 +217,8 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
   drawn.begin(fixed.first / block, (fixed.first + fixed.samples) / block, !fixed.earlier);
   Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
   if (nonfinite > 0 && s.nonfinite == 0) {  // as many samples again have shown none: no number is an answer
-    throw std::invalid_argument("Goal: " + std::to_string(nonfinite) +
-                                " samples of its pilot are not finite, none of the " + std::to_string(s.samples) +
+    throw std::invalid_argument("Goal: " + counted(nonfinite, "sample") + " of its pilot" + are(nonfinite) +
+                                " not finite, none of the " + std::to_string(s.samples) +
                                 " of the run is; ask for many `samples` in place of a goal, which name one to replay");
   }
   s.goal = plan.goal;

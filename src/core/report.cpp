@@ -59,11 +59,10 @@ class Printer {
       line("estimator", s_.estimator);
       if (const std::string coupling = text_of(s_.coupling); !coupling.empty()) line("coupling", coupling);
     }
-    line("samples", std::to_string(s_.samples) +
-                        (s_.block > 1 ? " in " + std::to_string(s_.blocks) + " blocks of " + std::to_string(s_.block)
-                                      : std::string()) +
-                        ", seed " + std::to_string(s_.seed) +
-                        (s_.first > 0 ? ", from index " + std::to_string(s_.first) : ""));
+    line("samples",
+         std::to_string(s_.samples) +
+             (s_.block > 1 ? " in " + counted(s_.blocks, "block") + " of " + std::to_string(s_.block) : std::string()) +
+             ", seed " + std::to_string(s_.seed) + (s_.first > 0 ? ", from index " + std::to_string(s_.first) : ""));
     costs(full);
     goal();
     if (has_verdict_) full ? verdicts() : line("verdict", verdict_.sentence());

@@ -186,6 +186,12 @@ std::string right(const std::string& text, std::size_t width) {
 }
 
 std::string to_text(double x) {
+std::string counted(std::int64_t n, std::string_view noun) {
+  return std::to_string(n) + " " + std::string(noun) + (n == 1 ? "" : "s");
+}
+
+std::string are(std::int64_t n) { return n == 1 ? " is" : " are"; }
+
   if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);
   std::array<char, 32> digits{};  // the longest double, -2.2250738585072014e-308, has 24
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), x).ptr;

@@ -85,7 +85,7 @@ void describe(Advice& a) {
                          : (a.base == Base::one_outcome ? ", one outcome of the PMF" : ", evaluated in every sample");
   const bool nets = a.points == Points::nets;
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
-                        (nets ? std::to_string(a.members / a.block) + " blocks of " + std::to_string(a.block) +
+                        (nets ? counted(a.members / a.block, "block") + " of " + std::to_string(a.block) +
                                     ", each level the points of a net of its own"
                          : a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                        : std::string("independent samples, too few for strata")));
@@ -125,7 +125,7 @@ void print_line(std::ostream& out, const char* name, const std::string& text) {
 }
 
 std::string pilot_text(const Advice& advice) {
-  return "work " + format("%.4g", advice.pilot_work) + ", " + std::to_string(advice.survey.rows.size()) + " levels";
+  return "work " + format("%.4g", advice.pilot_work) + ", " + counted(std::ssize(advice.survey.rows), "level");
 }
 
 }  // namespace

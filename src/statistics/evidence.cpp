@@ -114,8 +114,8 @@ class Scales {
     ends();
     if (e_.end != End::none) return std::move(e_);
     if (e_.courses.empty()) {
-      e_.reasons.push_back(
-          {WarningCode::few_levels, std::to_string(usable_.size()) + " levels are known, three are needed"});
+      e_.reasons.push_back({WarningCode::few_levels, counted(std::ssize(usable_), "level") + are(std::ssize(usable_)) +
+                                                         " known, three are needed"});
       return std::move(e_);
     }
     changes();

@@ -306,10 +306,10 @@ class Conclusion {
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
       r.mean_decay = r.variance_decay = r.fourth_decay = {nan, 0};
-      remark(WarningCode::rates_unknown,
-             "cannot tell the rates yet: " + std::to_string(usable.size()) +
-                 (usable.size() == 1 ? " level" : " levels") + " with enough draws for their kurtosis, no " +
-                 std::to_string(fewest_levels) + " of them on a line; survey more levels, or more draws");
+      remark(WarningCode::rates_unknown, "cannot tell the rates yet: " + counted(std::ssize(usable), "level") +
+                                             " with enough draws for their kurtosis, no " +
+                                             std::to_string(fewest_levels) +
+                                             " of them on a line; survey more levels, or more draws");
       return;
     }
     // A power of the level only where a power of 2 explains clearly less: few levels look like either.
