@@ -21,6 +21,23 @@ check "samples of a stratified run are rounded up to whole blocks, again when it
   "samples": 1024,
   "blocks": 16,'
 check "and none is thrown away" refused_by 2 "holds 1024 samples" resume w --samples 960
+# It writes what it was first asked for, where it was first asked to.
+answer run A03 --samples 2e4 > said.json
+"$debias" run A03 --samples 2e4 --json -o kept.json --checkpoint j -q
+rm kept.json
+"$debias" resume j > out 2>&1
+check "a resumed run writes its file again, in the form that was asked for" same \
+  "$(sed -E '/"(seconds|pilot_seconds|efficiency)":/d' kept.json)" "$(cat said.json)"
+check "and a line on what it is" same "$(lines out)" 1
+"$debias" resume j -o other --full -q
+check "into another file, in another form, where it is asked to" has '^replay  ' other
+"$debias" run A03 --samples 2e4 --full --checkpoint f > full.txt
+"$debias" resume f > out
+check "a full text is resumed as one" same "$(grep -v '^seconds\|^efficiency' out)" "$(grep -v '^seconds\|^efficiency' full.txt)"
+"$debias" run A03 --samples 2e4 --plot kept.svg --checkpoint pl > /dev/null
+rm kept.svg
+"$debias" resume pl > /dev/null
+check "and a picture is drawn again" has '</svg>' kept.svg
 check "a run with a goal says the same" same "$(answer run A03 --error 2e-3 --checkpoint g)" "$(answer run A03 --error 2e-3)"
 check "and again" same "$(answer resume g)" "$(answer run A03 --error 2e-3)"
 # A goal asked for twice took two pilots.
@@ -123,8 +140,8 @@ for doubt in "A08 1 no_second_moment" "B17 1 aliased_differences"; do # of the p
   recipe=$(answer run $1 --seed $2 --estimator recipe --samples 2e4 --checkpoint d$1)
   check "and is resumed with its doubt" same "$(answer resume d$1 | without_recipe)" "$(echo "$recipe" | without_recipe)"
   check "which stands in its JSON" has "\"$3\"" answer.json
-  "$debias" resume d$1 > out 2> err
-  check "and in its text" has "^warning " out
+  "$debias" resume d$1 --full > out 2> err
+  check "and in its text" has "^warning .*\.$" out
   for i in 1 2; do answer run $1 --seed $2 --estimator recipe --samples 2e4 --shard $i/2 --checkpoint d$1$i > /dev/null; done
   check "its shards have it, too" same "$(answer merge d${1}1 d${1}2 | without_recipe | without_work)" \
     "$(echo "$recipe" | without_recipe | without_work)"

@@ -58,8 +58,14 @@ Loaded words_of(const std::string& text) {
   file.saved.command = take("command");
   words.names = split_at(take("names"), ' ');
   file.delivery.output = take("output");
-  file.delivery.csv = words.flags["csv"];
-  words.flags.erase("csv");
+  if (words.values.count("plot") > 0) file.delivery.plot = take("plot");  // checkpoints of before have none
+  const auto take_flag = [&words](const std::string& name) {
+    const auto flag = words.flags.extract(name);
+    return !flag.empty() && flag.mapped();
+  };
+  file.delivery.csv = take_flag("csv");
+  file.delivery.full = take_flag("full");
+  file.delivery.json = take_flag("json");
   return file;
 }
 
@@ -85,8 +91,11 @@ std::string text_of(const Saved& saved, const Delivery& delivery) {
   add("names", '=', joined(saved.words.names));
   for (const auto& [name, value] : saved.words.values) add(name, '=', value);
   add("output", '=', delivery.output);
+  add("plot", '=', delivery.plot);
   for (const auto& [name, value] : saved.words.flags) add_flag(name, value);
   add_flag("csv", delivery.csv);
+  add_flag("full", delivery.full);
+  add_flag("json", delivery.json);
   return text;
 }
 
