@@ -177,8 +177,18 @@ echo precious > notes
 check "nor over anything else" refused_by 5 "no checkpoint" merge part3 part1 part5 part2 part4 --checkpoint notes
 check "which stays" same "$(cat notes)" precious
 check "the union is a run like any other" same "$(answer resume union --samples 3e5)" "$(answer run A03 --samples 3e5)"
-check "a shard that is missing" refused_by 5 "are missing" merge part1 part2 part4 part5
-check "a shard twice" refused_by 5 "both results hold" merge part1 part1
+check "a shard that is missing" refused_by 5 "are missing: shard 3/5;" merge part1 part2 part4 part5
+check "shards that are missing" refused_by 5 "are missing: shard 2/5, shard 3/5, shard 5/5;" merge part4 part1
+check "a shard twice" refused_by 5 "'part1': given twice" merge part1 part1
+check "a shard twice, among others" refused_by 5 "'part2': given twice, so that both results hold sample" merge part1 part2 part3 part2
+cp part2 copy2
+check "a copy of a shard" refused_by 5 "'copy2': holds samples of 'part2'" merge part1 part2 copy2 part3 part4 part5
+"$debias" run E02 --samples 1e9 --shard 1/2 --checkpoint half1 > /dev/null 2>&1 &
+pid=$!
+sleep 0.5
+kill -TERM $pid
+wait $pid
+check "a shard that is not finished" refused_by 5 "are missing: unfinished 'half1', shard 2/2;" merge half1
 check "another run" refused_by 5 "of another run" merge part1 t
 check "a shard does not grow" refused_by 2 "merge the shards" resume part1 --samples 2e6
 check "too many shards" refused_by 2 "only 2 chunks" run A03 --samples 1e3 --shard 5/5 --checkpoint p
