@@ -257,7 +257,7 @@ check "a full survey has" has kurtosis out
 "$debias" run A10 --samples 20000 --full > out 2> err
 check "a brief run is brief" [ "$(lines brief)" -le 8 ]
 check "with one line of verdict" same "$(grep -c '^verdict' brief)" 1
-for word in efficiency coupling 'upper tail' largest 'E D^2'; do
+for word in efficiency coupling 'upper tail' largest 'E D^2' '^pmf  ' '^replay  '; do
   check "a full run has $word" has "$word" out
   check "a brief one has not: $word" lacks "$word" brief
 done

@@ -334,17 +334,22 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   const bool plain = run.verdict.finite_variance && run.verdict.finite_work && c.method != catalog::Method::truncated &&
                      c.special.empty();
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
-  if (!run.advice) return;
-  if (full) {
-    debias::detail::print_chosen(out, *run.advice);
-  } else {
-    debias::detail::print_points(out, *run.advice);
+  if (!full) {
+    if (run.advice) debias::detail::print_points(out, *run.advice);
+    return;
   }
-  if (!full || run.problem->id.empty()) return;
+  const std::string pmf = pmf_text(c);
+  if (run.advice) {
+    debias::detail::print_chosen(out, *run.advice);
+  } else if (!pmf.empty()) {  // a run that is resumed has the PMF of its recipe
+    print_line(out, "pmf", pmf);
+  }
+  if (run.problem->id.empty()) return;
+  const std::string shape = " --base-level " + std::to_string(c.base_level) + " --block " + std::to_string(c.block) +
+                            (c.points == Points::nets ? " --points nets" : "");
   print_line(out, "replay",
-             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
-                 c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
-                 std::to_string(c.block) + (c.points == Points::nets ? " --points nets" : "") + " --seed " +
+             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) +
+                 (pmf.empty() ? "" : " --pmf '" + pmf + "'") + (c.special.empty() ? shape : "") + " --seed " +
                  std::to_string(s.seed) + " --sample I");
 }
 

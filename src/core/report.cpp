@@ -1,5 +1,6 @@
 #include <debias/core/report.hpp>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -156,6 +157,7 @@ class Printer {
   void rest() {
     const char* name = "reason";
     for (const Warning& reason : verdict_.reasons) {
+      if (std::find(s_.warnings.begin(), s_.warnings.end(), reason) != s_.warnings.end()) continue;  // it is said
       line(name, reason.text);
       name = "";
     }
