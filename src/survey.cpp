@@ -150,7 +150,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {
     result.remarks.push_back({WarningCode::interrupted, "interrupted: " + std::to_string(complete) + " of " +
-                                                            std::to_string(levels) + " levels"});
+                                                            std::to_string(levels) + " levels."});
   }
   return result;
 }

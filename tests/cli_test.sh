@@ -286,6 +286,11 @@ check "the summary is the last line" eval 'tail -n 1 cells.jsonl | grep -q "\"ma
 
 "$debias" validate --report --samples 500 -o report.md 2> err  # too few to see all wrong estimators
 check "a report with a figure that fails" same $? 4
+"$debias" run A08 --seed 1 --estimator recipe --samples 2e4 --full > out
+check "a doubt of a pilot ends in a full stop" has '^warning  *some levels may have no second moment\.$' out
+check "and is said once" same "$(grep -c 'some levels may have no second moment' out)" 1
+"$debias" run A03 --block 64 --samples 64 > out
+check "a number and its noun agree" has '^samples  *64 in 1 block of 64,' out
 check "names it on stderr" has "^debias: figures that fail: .*wrong on purpose" err
 check "the page says so" has "FAILS" report.md
 check "the page knows its command" has "command: debias validate --report --samples 500 --seed 1" report.md

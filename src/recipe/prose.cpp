@@ -110,7 +110,7 @@ void describe(Advice& a) {
                                ? std::string("no level of 2^62 or more can be drawn (it does not fit 64 bits)")
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
                               ": so that it hardly comes up, the PMF falls faster than the best one, at " +
-                              format("%.3g", a.price) + " times its variance x work"});
+                              format("%.3g", a.price) + " times its variance x work."});
   }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");

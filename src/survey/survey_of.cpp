@@ -184,7 +184,7 @@ class Conclusion {
       remark(WarningCode::unexplained_time, "a draw of level " + std::to_string(last.level) + " takes " +
                                                 text_of(time) + " times as long as one of level " +
                                                 std::to_string(row.level) + " and states " + text_of(work) +
-                                                " times its work: state the work of a draw (`work`, with its value)");
+                                                " times its work: state the work of a draw (`work`, with its value).");
       return;
     }
   }
@@ -216,16 +216,15 @@ class Conclusion {
       where = row.level;
     }
     if (unknown >= 0) {
-      remark(
-          WarningCode::coupling_unchecked,
-          "values of level " + std::to_string(unknown) +
-              ", or of the level below, have a mean or a variance that no double holds: their coupling is not checked");
+      remark(WarningCode::coupling_unchecked, "values of level " + std::to_string(unknown) +
+                                                  ", or of the level below, have a mean or a variance that no double "
+                                                  "holds: their coupling is not checked.");
     }
     if (worst <= 4.5) return;
     remark(WarningCode::coupling,
            "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
                "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-               "from it is biased");
+               "from it is biased.");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
