@@ -135,6 +135,7 @@ for command in 'run A01 --samples 100' 'validate A01 --samples 100'; do
   "$debias" $command -o /dev/full > out 2> err
   check "exit code of a full -o: $command" same $? 5
   check "no result of a full -o: $command" same "$(lines out)" 0
+refused_by 2 "--seed = '3' (the seed of unseen problems" validate --unseen 7 --seed 3
   "$debias" $command --json -o result > out 2> err
   check "exit code of -o: $command" same $? 0
   check "a short summary of -o: $command" [ "$(lines out)" -ge 1 -a "$(lines out)" -le 3 ]
