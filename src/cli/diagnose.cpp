@@ -23,6 +23,7 @@ class Source {
   explicit Source(const std::string& path) : name_(path == "-" ? "standard input" : "'" + path + "'") {
     if (path == "-") return;
     file_ = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file_ < 0 && interrupted()) throw Interrupted("diagnose: interrupted");  // a pipe that nobody writes
     if (file_ < 0) fail();
   }
   Source(const Source&) = delete;

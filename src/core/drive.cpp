@@ -121,13 +121,15 @@ Plan plan_for_goal(const Plan& plan, const Drawn& drawn, std::int64_t& nonfinite
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_blocks));
     if (next < 4 * static_cast<double>(pilot_blocks)) {
       const double samples = wanted * static_cast<double>(block);
+      const std::string help = plan.goal.seconds > 0 ? "; ask for fewer seconds" : "; ask for a larger error";
       if (!(samples < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + format("%f", samples) + " samples (does not fit 64 bits)");
+        const std::string many = std::isfinite(samples) ? format("%.3g", samples) + " samples" : "endless samples";
+        throw std::invalid_argument("Goal: it takes " + many + " (does not fit 64 bits)" + help);
       }
       if (wanted > most_blocks) {
         throw std::invalid_argument("Goal: it takes " + format("%.3g", samples) + " samples (about " +
-                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) +
-                                    " seconds); ask for a larger error");
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) + " seconds)" +
+                                    help);
       }
       if (plan.goal.seconds > 0)
         return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
