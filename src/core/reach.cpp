@@ -40,8 +40,8 @@ void require_reach(const Reach& reach, std::int64_t samples) {
   const Steeper other = steeper_pmf(reach, allowed_beyond(members));
   if (reach.first_level > reach.deepest) {
     throw UndrawableError("base_level: levels are drawn from " + std::to_string(reach.first_level) +
-                              " on (the deepest that the sequence can draw is " + std::to_string(reach.deepest) +
-                              "); take a lower base level",
+                              " on (every one needs a level beyond " + std::to_string(reach.deepest) +
+                              ", the deepest that the sequence can draw); take a lower base level",
                           reach.deepest, chance, 0, "");
   }
   std::string text = "samples = " + std::to_string(samples);
