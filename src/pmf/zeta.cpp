@@ -41,7 +41,6 @@ double hurwitz_zeta(double s, double a) {
 
 double argument(std::int64_t j) { return static_cast<double>(j) + 1; }
 
-constexpr double largest_s = 1000;
 constexpr std::int64_t level_end = std::int64_t{1} << 62;
 
 }  // namespace
@@ -51,11 +50,6 @@ Zeta::Zeta(double s) : s_(s), zeta_(1) {
     throw std::invalid_argument("Zeta: s = " + to_text(s) +
                                 " (must be greater than 1, or the masses have no finite sum); "
                                 "the mean level is finite from s > 2");
-  }
-  if (s > largest_s) {
-    throw std::invalid_argument("Zeta: s = " + to_text(s) +
-                                " (must be at most 1000: beyond, no double holds the mass 2^-s of level 1, and the PMF "
-                                "ends before it)");
   }
   // Upward from the smallest, so that tail(j) - tail(j+1) = mass(j) to rounding.
   double tail = hurwitz_zeta(s, argument(table_size));

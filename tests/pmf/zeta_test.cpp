@@ -103,12 +103,10 @@ TEST_CASE("Zeta tails fall like the exponent says", "[pmf][exact]") {
 }
 
 TEST_CASE("Zeta refuses an s whose masses have no sum", "[pmf][exact]") {
-  for (const double s : {1.0, 0.5, -2.0, 1000.1, 1e300, std::numeric_limits<double>::infinity(),
-                         std::numeric_limits<double>::quiet_NaN()}) {
+  for (const double s :
+       {1.0, 0.5, -2.0, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
     CAPTURE(s);
     CHECK_THROWS_AS(Zeta(s), std::invalid_argument);
   }
   CHECK_THROWS_WITH(Zeta(1), Catch::Contains("Zeta: s = 1 (must be greater than 1"));
-  CHECK_THROWS_WITH(Zeta(1e300), Catch::Contains("(must be at most 1000"));
-  CHECK(Zeta(1000).mass(1) > 0);  // the PMF goes on where it says so
 }

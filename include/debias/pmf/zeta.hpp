@@ -24,7 +24,7 @@ namespace debias {
 
 class Zeta {
  public:
-  /// Throws std::invalid_argument unless 1 < s <= 1000.
+  /// Throws std::invalid_argument unless s > 1 is finite.
   explicit Zeta(double s);
 
   double mass(std::int64_t j) const {
