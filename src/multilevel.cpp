@@ -224,7 +224,7 @@ class Driver {
       const double n = std::ceil(std::sqrt(variances[l] / pilots_[l].work_per_draw()) * roots / budget);
       if (!(n < 0x1p49)) {
         throw std::invalid_argument("multilevel: error = " + format("%g", error_) + " (asks for " + format("%.3g", n) +
-                                    " draws of level " + std::to_string(l) + ")");
+                                    " draws of level " + std::to_string(l) + "); ask for a larger error");
       }
       wanted_.push_back(std::max(n, 2.0));
     }

@@ -122,12 +122,16 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
     throw std::invalid_argument("survey: samples = " + std::to_string(plan.samples) +
                                 " (a variance needs two draws of each level); 4096 is a good start");
   }
+  if (first >= runs.deepest_level) {
+    throw std::invalid_argument("survey: first = " + std::to_string(first) +
+                                " (the deepest that can be drawn is level " + std::to_string(runs.deepest_level) +
+                                ", and a decay needs two); take a lower one");
+  }
   if (runs.deepest_level - first < levels - 1) {
     const std::string from = first == 0 ? "" : " from level " + std::to_string(first) + " on";
     throw std::invalid_argument("survey: levels = " + std::to_string(levels) + from +
                                 " (the deepest that can be drawn is level " + std::to_string(runs.deepest_level) +
-                                "); ask for at most " +
-                                std::to_string(std::max<std::int64_t>(0, runs.deepest_level - first + 1)));
+                                "); ask for at most " + std::to_string(runs.deepest_level - first + 1));
   }
   std::vector<SurveyRow> rows;
   bool interrupted = false;
@@ -151,7 +155,7 @@ Survey survey(const LevelRuns& runs, std::int64_t levels, const Plan& plan, std:
   if (fewer_threads > 0) result.remarks.push_back(detail::fewer_threads_warning(fewer_threads));
   if (interrupted) {
     result.remarks.push_back({WarningCode::interrupted, "interrupted: " + std::to_string(complete) + " of " +
-                                                            std::to_string(levels) + " levels"});
+                                                            std::to_string(levels) + " levels."});
   }
   return result;
 }

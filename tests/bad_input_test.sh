@@ -73,6 +73,9 @@ for writer in 'render transmittance --size 8x8 --spp 1' 'render photons --size 8
   ended 5 short $writer --compare -o short
 done
 ended 2 'one file' run A01 --samples 100 --checkpoint both -o both
+ended 2 'one file' run A01 --samples 100 --checkpoint ./both -o both
+ended 2 'one file' run A01 --samples 100 --plot both.svg -o folder/../both.svg
+ended 2 'one file' survey A01 --samples 100 --plot both.svg -o ./both.svg
 ended 2 'one file' resume whole -o whole
 ended 2 'one file' resume whole -o ./whole
 ended 2 'one file' merge whole -o whole
@@ -115,6 +118,8 @@ for command in 'run A01 --samples 100 --json' 'survey A01 --samples 100' 'tradeo
   check "the reason: $command" has '^debias: .*File too large' err
   check "no piece of a result: $command" same "$(wc -c < $file)" 0
 done
+small_disk 1 run A01 --samples 100 --json -o new
+check "a new file that the disk does not hold is not there" [ ! -e new ]
 small_disk 1 validate A01 --samples 100 -o rows
 check "exit code of rows on a small disk" same $? 5
 check "rows are whole or not there" same "$(tail -c 1 rows | wc -l)" "$([ -s rows ] && echo 1 || echo 0)"
@@ -166,6 +171,14 @@ check "and the reason" has '^debias: standard input: ' err
 { timeout 10 "$debias" validate 2> err; echo $? > code; } | head -1 > out
 check "validate ends with its reader" same "$(cat code)" 5
 
+# ---- killed: nothing of it is left
+"$debias" run A01 --samples 1e15 -o killed.result --plot killed.svg > /dev/null 2>&1 &
+killed=$!
+sleep 0.5
+kill -KILL $killed
+wait $killed 2> /dev/null
+for file in killed.result killed.svg; do check "no file $file of a run that was killed" [ ! -e $file ]; done
+
 # ---- signals: exit code 130 within seconds, and what is finished is kept
 start() {
   name=$1
@@ -174,7 +187,12 @@ start() {
   processes="$processes $name:$!"
 }
 processes=
-start run run A01 --samples 1e15 -o run.result
+start run run A01 --samples 1e15 -o run.result --plot run.svg
+echo before > older
+cp older older.svg
+ln -s nowhere.result link
+start older run A01 --samples 1e15 -o older --plot older.svg
+start link run A01 --samples 1e15 -o link
 start goal run A01 --error 1e-12
 start recipe run A10 --estimator recipe --samples 1e15
 start multilevel run E02 --estimator multilevel --error 1e-6
@@ -208,7 +226,9 @@ done
 exec 3>&-
 check "a signal ends them in seconds" [ $(($(date +%s) - since)) -le 10 ]
 for name in run goal recipe multilevel resume diagnose; do check "no result of $name" [ ! -s $name.out ]; done
-check "no result of run in its file" [ ! -s run.result ]
+for file in run.result run.svg nowhere.result; do check "no file $file of a run that ended early" [ ! -e $file ]; done
+check "a link is still one" [ -L link ]
+for file in older older.svg; do check "$file is as it was" same "$(cat $file)" before; done
 check "validate keeps its finished rows" has '^pass' validate.out
 check "and whole ones" same "$(tail -c 1 validate.out | wc -l)" 1
 check "and no summary" lacks ' cells: ' validate.out

@@ -21,6 +21,23 @@ check "samples of a stratified run are rounded up to whole blocks, again when it
   "samples": 1024,
   "blocks": 16,'
 check "and none is thrown away" refused_by 2 "holds 1024 samples" resume w --samples 960
+# It writes what it was first asked for, where it was first asked to.
+answer run A03 --samples 2e4 > said.json
+"$debias" run A03 --samples 2e4 --json -o kept.json --checkpoint j -q
+rm kept.json
+"$debias" resume j > out 2>&1
+check "a resumed run writes its file again, in the form that was asked for" same \
+  "$(sed -E '/"(seconds|pilot_seconds|efficiency)":/d' kept.json)" "$(cat said.json)"
+check "and a line on what it is" same "$(lines out)" 1
+"$debias" resume j -o other --full -q
+check "into another file, in another form, where it is asked to" has '^replay  ' other
+"$debias" run A03 --samples 2e4 --full --checkpoint f > full.txt
+"$debias" resume f > out
+check "a full text is resumed as one" same "$(grep -v '^seconds\|^efficiency' out)" "$(grep -v '^seconds\|^efficiency' full.txt)"
+"$debias" run A03 --samples 2e4 --plot kept.svg --checkpoint pl > /dev/null
+rm kept.svg
+"$debias" resume pl > /dev/null
+check "and a picture is drawn again" has '</svg>' kept.svg
 check "a run with a goal says the same" same "$(answer run A03 --error 2e-3 --checkpoint g)" "$(answer run A03 --error 2e-3)"
 check "and again" same "$(answer resume g)" "$(answer run A03 --error 2e-3)"
 # A goal asked for twice took two pilots.
@@ -123,8 +140,8 @@ for doubt in "A08 1 no_second_moment" "B17 1 aliased_differences"; do # of the p
   recipe=$(answer run $1 --seed $2 --estimator recipe --samples 2e4 --checkpoint d$1)
   check "and is resumed with its doubt" same "$(answer resume d$1 | without_recipe)" "$(echo "$recipe" | without_recipe)"
   check "which stands in its JSON" has "\"$3\"" answer.json
-  "$debias" resume d$1 > out 2> err
-  check "and in its text" has "^warning " out
+  "$debias" resume d$1 --full > out 2> err
+  check "and in its text" has "^warning .*\.$" out
   for i in 1 2; do answer run $1 --seed $2 --estimator recipe --samples 2e4 --shard $i/2 --checkpoint d$1$i > /dev/null; done
   check "its shards have it, too" same "$(answer merge d${1}1 d${1}2 | without_recipe | without_work)" \
     "$(echo "$recipe" | without_recipe | without_work)"
@@ -160,8 +177,18 @@ echo precious > notes
 check "nor over anything else" refused_by 5 "no checkpoint" merge part3 part1 part5 part2 part4 --checkpoint notes
 check "which stays" same "$(cat notes)" precious
 check "the union is a run like any other" same "$(answer resume union --samples 3e5)" "$(answer run A03 --samples 3e5)"
-check "a shard that is missing" refused_by 5 "are missing" merge part1 part2 part4 part5
-check "a shard twice" refused_by 5 "both results hold" merge part1 part1
+check "a shard that is missing" refused_by 5 "are missing: shard 3/5;" merge part1 part2 part4 part5
+check "shards that are missing" refused_by 5 "are missing: shard 2/5, shard 3/5, shard 5/5;" merge part4 part1
+check "a shard twice" refused_by 5 "'part1': given twice" merge part1 part1
+check "a shard twice, among others" refused_by 5 "'part2': given twice, so that both results hold sample" merge part1 part2 part3 part2
+cp part2 copy2
+check "a copy of a shard" refused_by 5 "'copy2': holds samples of 'part2'" merge part1 part2 copy2 part3 part4 part5
+"$debias" run E02 --samples 1e9 --shard 1/2 --checkpoint half1 > /dev/null 2>&1 &
+pid=$!
+sleep 0.5
+kill -TERM $pid
+wait $pid
+check "a shard that is not finished" refused_by 5 "are missing: unfinished 'half1', shard 2/2;" merge half1
 check "another run" refused_by 5 "of another run" merge part1 t
 check "a shard does not grow" refused_by 2 "merge the shards" resume part1 --samples 2e6
 check "too many shards" refused_by 2 "only 2 chunks" run A03 --samples 1e3 --shard 5/5 --checkpoint p

@@ -47,7 +47,11 @@ refused_by 2 "--pmf = 'zeta:s=2'" run A01 --estimator truncated --pmf zeta:s=2
 refused_by 2 "did you mean 'single_term'" run A01 --estimator single-term
 refused_by 2 "--estimator = 'roulette' (does not apply" run A01 --estimator roulette
 refused_by 2 "--base-level = '-1'" run A01 --base-level -1
-refused_by 2 "levels are drawn from 100 on" run A01 --base-level 99
+for estimator in single_term recipe truncated independent_sum; do
+  refused_by 2 "--base-level = '99' (levels are drawn from" run A01 --estimator $estimator --base-level 99
+done
+refused_by 2 "--base-level = '99' (levels are drawn from 100 on" replay A01 --base-level 99 --seed 1 --sample 1
+refused_by 2 "--base-level = '9223372036854775807' (levels" tradeoff A01 --base-level 9223372036854775807
 refused_by 2 "no PMF has both" run E06
 refused_by 2 "no PMF has finite variance and finite work (shown)" run C12 --estimator recipe
 refused_by 2 "the run has printed" replay A01 --estimator recipe --seed 1 --sample 1
@@ -89,18 +93,35 @@ refused_by 2 "--block = '0'" run A01 --block 0
 refused_by 2 "strata need a single term" run A01 --block 4 --estimator independent_sum
 refused_by 2 "takes its draws from --error" run A01 --estimator multilevel
 refused_by 2 "no PMF, base level or block" run A01 --estimator multilevel --error 0.1 --pmf zeta:s=2
+refused_by 2 "--confidence = '0.99' (multilevel has no interval" run A01 --estimator multilevel --error 0.1 --confidence 0.99
 refused_by 2 "--error = '0'" run A01 --error 0
+for goal in error relative-error seconds; do
+  refused_by 2 "--$goal = '1e-320' (must be positive, and" run A01 --$goal 1e-320
+done
 refused_by 2 "--error = ''" run A01 --error ''
 refused_by 2 "--seconds = 'soon'" run A01 --seconds soon
 refused_by 2 "a goal fixes the samples" run A01 --error 0.1 --samples 10
 refused_by 2 "keep one" run A01 --error 0.1 --seconds 1s
-refused_by 2 "64 bits" run A01 --error 1e-300
+refused_by 2 "64 bits); ask for a larger error" run A01 --error 1e-300
+refused_by 2 "64 bits); ask for fewer seconds" run A01 --seconds 1e19
+refused_by 2 "ask for fewer seconds" run A01 --estimator recipe --seconds 1e19
+refused_by 2 "first = 62 (the deepest .* take a lower one" survey A01 --first 62
+refused_by 2 "first = 100 (the deepest .* take a lower one" survey A01 --first 100
+# an option whose value is empty: of a variable that is not set
+for typed in '--estimator' '--shard' '--seed' '--confidence' '--base-level' '--points' '--threads' '--seconds'; do
+  refused_by 2 "$typed.*''" run A01 $typed ''
+done
+refused_by 2 "--unseen = '' (empty)" validate --unseen ''
+refused_by 2 "--column = '' (empty)" diagnose file --column ''
+refused_by 2 "--exposure = ''" render photons --exposure '' -o x.png
 refused_by 2 "--levels = '1'" survey A01 --levels 1
 refused_by 2 "did you mean 'geometric'" tradeoff A01 --family geometrc
 refused_by 2 "--points = '0'" tradeoff A01 --points 0
 refused_by 2 "a sweep is for" tradeoff A01 --estimator truncated
 refused_by 2 "--output" run A01 -o ''
 refused_by 2 "--output" run A01 -o -q
+refused_by 2 "a short option takes no =" run A01 -o=x
+refused_by 2 "a short option takes no =" run A01 -o= x
 refused_by 5 "'no/such/folder/file'" run A01 -o no/such/folder/file
 refused_by 5 "'/'" run A01 -o /
 refused_by 2 "'--samples'" --samples 10 run A01
@@ -114,6 +135,7 @@ refused_by 2 "--samples = '1'" validate --hard --samples 1
 refused_by 2 "'A01' is a problem" validate --hard A01
 refused_by 2 "'A01': it is of all" validate --report A01
 refused_by 2 "both" validate --report --hard
+refused_by 2 "--seed = '3' (the seed of unseen problems" validate --unseen 7 --seed 3
 refused_by 2 "leave it out" validate --report --checkpoint c
 refused_by 2 "--confidence" validate A01 --confidence 0.9
 refused_by 2 "write problems, estimators or pmfs" list everything
@@ -257,13 +279,18 @@ check "a full survey has" has kurtosis out
 "$debias" run A10 --samples 20000 --full > out 2> err
 check "a brief run is brief" [ "$(lines brief)" -le 8 ]
 check "with one line of verdict" same "$(grep -c '^verdict' brief)" 1
-for word in efficiency coupling 'upper tail' largest 'E D^2'; do
+for word in efficiency coupling 'upper tail' largest 'E D^2' '^pmf  ' '^replay  '; do
   check "a full run has $word" has "$word" out
   check "a brief one has not: $word" lacks "$word" brief
 done
 "$debias" run A10 --samples 1 --json > out 2> err
 check "warnings have codes" has '"code": "one_sample"' out
 refused_by 2 "'--full'" list --full
+"$debias" run A08 --seed 1 --estimator recipe --samples 2e4 --full > out
+check "a doubt of a pilot ends in a full stop" has '^warning  *some levels may have no second moment\.$' out
+check "and is said once" same "$(grep -c 'some levels may have no second moment' out)" 1
+"$debias" run A03 --block 64 --samples 64 > out
+check "a number and its noun agree" has '^samples  *64 in 1 block of 64,' out
 "$debias" tradeoff A10 --points 5 --samples 1000 > out 2> err
 check "a sweep has its best and its bound" eval 'grep -q "best of the family" out && grep -q "^bound" out'
 "$debias" tradeoff A10 --points 5 --samples 1000 --csv > out

@@ -99,7 +99,7 @@ check "the last row needs no newline" has '^values *2$' out
 for bad in nan NaN inf -inf Infinity; do
   { seq 10; echo "$bad"; seq 10; } > nonfinite
   diagnosed 6 nonfinite
-  check "$bad makes the mean no number" has '^mean *not a number: 1 values are not finite, the first in row 11' out
+  check "$bad makes the mean no number" has '^mean *not a number: 1 value is not finite, the first in row 11' out
   check "$bad is complained about" has 'debias: .*not finite.*row 11' err
   diagnosed 6 nonfinite --json
   check "$bad in JSON" has '"mean": null' out

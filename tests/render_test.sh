@@ -62,6 +62,11 @@ rendered transmittance --volume v.raw --dims 1x1x1 --size 16x16 --spp 4 --json -
 check "JSON names the estimator" has '"name": "telescoping_2"' out
 check "a constant cloud has no noise" eval '"$debias" render transmittance --volume v.raw --dims 1x1x1 --size 16x16 \
   --spp 1 --seed 9 -o once.pfm > out && cmp -s once.pfm volume.pfm'
+for scene in transmittance photons; do
+  refused_by 2 "--exposure = '2' (it is of a PNG" render $scene --size 8x8 --exposure 2 -o image.pfm
+  refused_by 2 "--exposure = '2' (it is of a PNG" render $scene --size 8x8 --exposure 2 --compare -o folder
+done
+refused_by 2 "--spp = '4' (--equal-time takes as many" render transmittance --size 8x8 --spp 4 --equal-time 1 -o image.pfm
 rendered transmittance --size 32x32 --compare --equal-time 0.02s -o folder
 check "a folder of all estimators" [ "$(ls folder/*.pfm | wc -l)" -eq 14 ]
 check "and their index" has '"scene": "transmittance"' folder/index.json

@@ -55,6 +55,9 @@ void add_goal(Subcommand& c) {
 }
 
 std::string is_file_name(const std::string& path) {
+  if (!path.empty() && path[0] == '=') {
+    return "'" + path + "' (a short option takes no =); leave it out, or write ./ before a name that starts with =";
+  }
   if (!path.empty() && path[0] != '-') return "";
   return "'" + path + "' (no file name); write one, or ./ before a name that starts with -";
 }
@@ -104,6 +107,17 @@ std::string typed_so_far(const CLI::App& app) {
   const std::string meant = suggestion(name, std::vector<std::string_view>(names.begin(), names.end()));
   throw std::invalid_argument("'" + word + "' (no " + (is_option ? "option" : "argument") + " of `" + where + "`)" +
                               (meant.empty() ? "; see `" + where + " --help`" : meant));
+}
+
+// The first option whose value is empty.
+std::string empty_option(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_positional() || option->count() == 0) continue;
+    for (const std::string& value : option->results()) {
+      if (value.empty()) return option->get_name();
+    }
+  }
+  return "";
 }
 
 const Subcommand& chosen(const CLI::App& app, const std::deque<Subcommand>& commands) {
@@ -377,7 +391,10 @@ std::optional<Typed> read_command_line(int argc, const char* const* argv) {
     out.flush();
     return std::nullopt;
   }
-  return chosen(app, all);
+  const Subcommand& command = chosen(app, all);
+  Typed typed = command;
+  typed.empty = empty_option(*command.app);
+  return typed;
 }
 
 int execute(const Command& command) {
@@ -388,6 +405,9 @@ int dispatch(int argc, const char* const* argv, const Ranks& ranks) {
   const auto typed = read_command_line(argc, argv);
   if (!typed) return done;
   Command command{read_request(typed->command, typed->words), typed->delivery};
+  if (!typed->empty.empty()) {  // of a variable that is not set, and no wish for what is usual
+    throw std::invalid_argument(typed->empty + " = '' (empty); write a value, or leave the option out");
+  }
   share(command.request, ranks);
   try {
     return execute(command);

@@ -13,6 +13,7 @@ struct Typed {
   std::string command;
   Words words;
   Delivery delivery;
+  std::string empty = {};  ///< an option that was given an empty value
 };
 
 /// None, where that was --help or --version, which is printed. Throws std::invalid_argument for words that no command has;

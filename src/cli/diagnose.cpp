@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/text.hpp"
 #include "execute.hpp"
 
 namespace debias::cli {
@@ -22,6 +23,7 @@ class Source {
   explicit Source(const std::string& path) : name_(path == "-" ? "standard input" : "'" + path + "'") {
     if (path == "-") return;
     file_ = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file_ < 0 && interrupted()) throw Interrupted("diagnose: interrupted");  // a pipe that nobody writes
     if (file_ < 0) fail();
   }
   Source(const Source&) = delete;
@@ -134,17 +136,18 @@ int execute(const Diagnose& request, const Delivery& delivery) {
     doubts.push_back({WarningCode::reading, doubt.text + "; " + advice_on(doubt.cause) + "."});
   }
   d.warnings.insert(d.warnings.begin(), doubts.begin(), doubts.end());
-  const std::string bad_rows = std::to_string(d.read.bad_rows) + " bad rows";
+  const std::string bad_rows = counted(d.read.bad_rows, "bad row");
   if (d.moments.count == 0) {
     std::string why = source.name() + ": no value";
     if (d.read.bad_rows > 0) why += ", " + bad_rows + "; " + first_bad_row(d);
     throw FileError(why);
   }
   deliver(d, delivery, out);
-  if (d.read.bad_rows > 0) complain(source.name() + ": " + bad_rows + ", the first is " + first_bad_row(d));
+  if (d.read.bad_rows > 0)
+    complain(source.name() + ": " + bad_rows + (d.read.bad_rows == 1 ? ", " : ", the first is ") + first_bad_row(d));
   if (d.nonfinite > 0) {
-    complain(source.name() + ": " + std::to_string(d.nonfinite) + " values are not finite, the first is " + d.unit +
-             " " + std::to_string(d.first_nonfinite));
+    complain(source.name() + ": " + counted(d.nonfinite, "value") + are(d.nonfinite) + " not finite, the first is " +
+             d.unit + " " + std::to_string(d.first_nonfinite));
     return nonfinite_samples;
   }
   return d.read.bad_rows > 0 ? file_error : done;

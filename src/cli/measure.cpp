@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "commands/pictures.hpp"
+#include "core/text.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -55,8 +56,8 @@ int execute(const commands::TradeoffRequest& request, const Delivery& delivery) 
     deliver(report, delivery, out);
   }
   if (report.complete) return done;
-  complain("interrupted; " + std::to_string(report.points.size()) + " of " + std::to_string(request.points) +
-           " points are complete");
+  complain("interrupted; " + std::to_string(report.points.size()) + " of " + counted(request.points, "point") +
+           are(std::ssize(report.points)) + " complete");
   return interrupted_by_signal;
 }
 

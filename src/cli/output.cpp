@@ -49,13 +49,22 @@ extern "C" void on_alarm(int) {
 
 std::string reason() { return errno != 0 ? std::strerror(errno) : "cannot be written"; }
 
+// Of a link the file.
+void remove_file(const std::string& path) {
+  std::error_code ignored;
+  std::filesystem::remove(std::filesystem::canonical(path, ignored), ignored);
+}
+
 }  // namespace
 
 Output::Output(const std::string& path, std::string option) : path_(silent ? "" : path), option_(std::move(option)) {
   if (path_.empty()) return;
+  std::error_code ignored;
+  is_new_ = !std::filesystem::exists(path, ignored);
   errno = 0;
   file_.open(path, std::ios::binary | std::ios::app);
   if (!file_) throw FileError(option_ + " '" + path + "': " + reason());
+  if (is_new_) remove_file(path);  // at once: a run that is killed cannot do it later
 }
 
 void Output::flush() {
@@ -70,7 +79,9 @@ void Output::flush() {
   if (!(target << text << std::flush)) {
     const std::string why = reason();
     std::error_code ignored;
-    if (is_file() && std::filesystem::is_regular_file(path_, ignored)) {
+    if (is_file() && is_new_ && written_ == 0) {
+      remove_file(path_);
+    } else if (is_file() && std::filesystem::is_regular_file(path_, ignored)) {
       std::filesystem::resize_file(path_, written_, ignored);
     }
     throw FileError((is_file() ? option_ + " '" + path_ + "'" : "standard output") + ": " + why);
@@ -80,8 +91,12 @@ void Output::flush() {
 }
 
 void keep_apart(const std::string& output, const std::string& file, const std::string& option) {
+  if (output.empty() || file.empty()) return;
   std::error_code ignored;
-  if (output.empty() || (output != file && !std::filesystem::equivalent(output, file, ignored))) return;
+  const auto whole = [&ignored](const std::string& path) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored), ignored);
+  };
+  if (whole(output) != whole(file) && !std::filesystem::equivalent(output, file, ignored)) return;
   throw std::invalid_argument(option + " '" + output + "', '" + file +
                               "' (one file for two things); choose another name");
 }

@@ -33,8 +33,9 @@ struct FileError : std::runtime_error {
 /// Standard output, or a file.
 class Output {
  public:
-  /// Opens the file at once, before the hours of a run, and empties it when there is a result; an empty path is
-  /// standard output. Throws FileError, which names the `option` that the file came by.
+  /// Opens the file at once, before the hours of a run, and empties it when there is a result: of a run that ends
+  /// without one, however it ends, the file is as it was, or not there. An empty path is standard output. Throws
+  /// FileError, which names the `option` that the file came by.
   explicit Output(const std::string& path = "", std::string option = "-o");
 
   std::ostream& stream() { return text_; }
@@ -47,6 +48,7 @@ class Output {
   std::string path_;
   std::string option_;
   std::ofstream file_;
+  bool is_new_ = false;
   bool emptied_ = false;
   std::uintmax_t written_ = 0;
   std::ostringstream text_;  // only texts

@@ -12,6 +12,7 @@
 #include <debias/core/estimate.hpp>
 
 #include "core/bytes.hpp"
+#include "core/text.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -97,6 +98,13 @@ std::pair<render::Cloud, std::uint64_t> read_cloud(const RenderTransmittance& r,
   return {render::Cloud(std::move(grid), size, r.density), sum};
 }
 
+void check_exposure(double exposure, bool folder, const Delivery& delivery) {
+  const bool has_png = !folder && delivery.output.ends_with(".png");
+  if (has_png || exposure == RenderPhotons{}.exposure || delivery.held) return;
+  throw std::invalid_argument("--exposure = '" + to_text(exposure) +
+                              "' (it is of a PNG, and linear images are written); leave it out, or write -o FILE.png");
+}
+
 template <class R>
 int draw(const R& request, double exposure, Session& session, const Delivery& delivery) {
   Target target(delivery.output, exposure, request.compare);
@@ -128,6 +136,11 @@ int draw(const R& request, double exposure, Session& session, const Delivery& de
 }  // namespace
 
 int execute(const RenderTransmittance& r, const Delivery& delivery) {
+  if (r.request.samples != commands::TransmittanceRequest{}.samples && r.request.equal_time > 0) {
+    throw std::invalid_argument("--spp = '" + std::to_string(r.request.samples) +
+                                "' (--equal-time takes as many as the time allows); leave one out");
+  }
+  check_exposure(r.exposure, r.request.compare, delivery);
   const auto read = read_cloud(r, delivery.output);
   commands::TransmittanceRequest request = r.request;
   request.cloud = &read.first;
@@ -141,6 +154,7 @@ int execute(const RenderTransmittance& r, const Delivery& delivery) {
 }
 
 int execute(const RenderPhotons& r, const Delivery& delivery) {
+  check_exposure(r.exposure, r.request.compare, delivery);
   Session session(saved(r), delivery);
   return draw(r.request, r.exposure, session, delivery);
 }

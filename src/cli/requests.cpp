@@ -217,6 +217,10 @@ Request read_validate(const Words& words) {
       throw std::invalid_argument("--unseen ('" + words.names.front() +
                                   "': its problems are of the seed); leave one out");
     }
+    if (r.seed != ValidateRequest{}.seed) {
+      throw std::invalid_argument("--seed = '" + words.values.at("seed") +
+                                  "' (the seed of unseen problems is that of --unseen); leave one out");
+    }
     return UnseenRequest{seed_of(unseen->second, "--unseen"), r.samples, r.threads};
   }
   if (!asked("report")) return r;

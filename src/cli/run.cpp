@@ -9,6 +9,7 @@
 #include "commands/pictures.hpp"
 #include "commands/text.hpp"
 #include "core/run_state_bytes.hpp"
+#include "core/text.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -23,7 +24,9 @@ const std::string part = "run";
 
 Parts parts_of(const RunState& sums) { return {{part, encode(sums)}}; }
 
-std::string text_of(const RunRequest& request) { return text_of(saved(request)); }
+std::string text_of(const RunRequest& request, const Delivery& delivery = {}) {
+  return text_of(saved(request), delivery);
+}
 
 // Prints the result; the exit code.
 int finish(const RunReport& report, const Delivery& delivery, Output& out) {
@@ -35,7 +38,7 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
     const ComponentEstimate& c = s.components.front();
     summary.stream() << report.problem->id << ' ' << report.problem->name << ": "
                      << with_error(c.mean, c.standard_error) << ", z = " << commands::rounded(report.z, 3) << ", "
-                     << std::to_string(s.samples) << " samples, seed " << std::to_string(s.seed) << '\n';
+                     << counted(s.samples, "sample") << ", seed " << std::to_string(s.seed) << '\n';
     summary.flush();
   }
   if (s.nonfinite == 0 && s.goal_met()) return done;
@@ -45,11 +48,11 @@ int finish(const RunReport& report, const Delivery& delivery, Output& out) {
                  : "the goal is missed: the pilot saw less variance, or faster samples, than the run");
     return goal_missed;
   }
-  complain(
-      std::to_string(s.nonfinite) + " of " +
-      (s.block > 1 ? std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) : std::to_string(s.samples)) +
-      " samples are not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
-      std::to_string(s.first_nonfinite));
+  complain(std::to_string(s.nonfinite) + " of " +
+           (s.block > 1 ? counted(s.blocks, "block") + " of " + std::to_string(s.block) + " samples"
+                        : counted(s.samples, "sample")) +
+           are(s.nonfinite) + " not finite; replay the first with --seed " + std::to_string(s.seed) + " --sample " +
+           std::to_string(s.first_nonfinite));
   return nonfinite_samples;
 }
 
@@ -112,9 +115,9 @@ int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, co
   Progress progress(delivery.quiet);
   std::optional<PartWriter> writer;
   if (!path.empty() && leads(request)) writer.emplace(path, text, earlier.sums ? parts_of(*earlier.sums) : Parts());
-  bool named = text == text_of(request);
+  bool named = text == text_of(request, delivery);
   const auto save = [&](const RunRequest& now, const RunState& sums) {
-    std::string latest = text_of(now);
+    std::string latest = text_of(now, delivery);
     if (latest == text) return writer->save(parts_of(sums));
     text = std::move(latest);
     writer->restart(text, parts_of(sums));
@@ -140,6 +143,17 @@ int run_and_keep(const RunRequest& request, const commands::Earlier& earlier, co
   }
 }
 
+// Where the report goes in which form: as the command was asked for, unless `resume` is.
+Delivery wanted(const Loaded& file, Delivery delivery) {
+  const Delivery& before = file.delivery;
+  if (delivery.output.empty()) delivery.output = before.output;
+  delivery.plot = before.plot;
+  delivery.csv = before.csv && !delivery.json;
+  delivery.json = delivery.json || (before.json && !delivery.full);
+  delivery.full = delivery.full || before.full;
+  return delivery;
+}
+
 // Another command than the run of one estimator: its words again, through the same door.
 int resume_parts(const Loaded& file, const Resume& request, const Delivery& delivery) {
   if (request.ranks.size() > 1) {
@@ -154,8 +168,6 @@ int resume_parts(const Loaded& file, const Resume& request, const Delivery& deli
   command.delivery = delivery;
   command.delivery.checkpoint = request.file;
   command.delivery.held = std::make_shared<Parts>(file.parts);
-  command.delivery.csv = file.delivery.csv && !delivery.json;
-  if (delivery.output.empty()) command.delivery.output = file.delivery.output;
   Words words = file.saved.words;
   words.values["threads"] = std::to_string(request.threads);
   try {
@@ -176,7 +188,7 @@ int execute(const RunRequest& request, const Delivery& delivery) {
   if (path.empty()) return run_and_keep(request, {}, path, "", delivery);
   const RunRequest whole = commands::settled(request);
   refuse_existing(request, path);
-  return on_disk("--checkpoint: ", [&] { return run_and_keep(whole, {}, path, text_of(whole), delivery); });
+  return on_disk("--checkpoint: ", [&] { return run_and_keep(whole, {}, path, text_of(whole, delivery), delivery); });
 }
 
 int execute(const commands::MultilevelRequest& request, const Delivery& delivery) {
@@ -202,13 +214,14 @@ int execute(const commands::MultilevelRequest& request, const Delivery& delivery
   return goal_missed;
 }
 
-int execute(const Resume& request, const Delivery& delivery) {
+int execute(const Resume& request, const Delivery& typed) {
   const Loaded file = load(request.file, request.ranks);
+  const Delivery delivery = wanted(file, typed);
   if (has_parts(file)) return resume_parts(file, request, delivery);
   const KeptRun kept = run_in(request.file, file);
   const auto [run, earlier] = commands::extended({kept, request.samples, request.goal, request.threads, request.ranks});
   // No goal whose samples are not known.
-  const std::string text = text_of(request.goal.asked() ? kept.request : run);
+  const std::string text = text_of(request.goal.asked() ? kept.request : run, delivery);
   return on_disk(
       "", [&, &run = run, &earlier = earlier] { return run_and_keep(run, earlier, request.file, text, delivery); });
 }
@@ -223,7 +236,7 @@ int execute(const Merge& request, const Delivery& delivery) {
   const KeptRun whole = commands::merged(shards);
   if (!delivery.checkpoint.empty()) refuse_existing(whole.request, delivery.checkpoint);
   return on_disk("--checkpoint: ", [&] {
-    return run_and_keep(whole.request, {whole.sums}, delivery.checkpoint, text_of(whole.request), delivery);
+    return run_and_keep(whole.request, {whole.sums}, delivery.checkpoint, text_of(whole.request, delivery), delivery);
   });
 }
 

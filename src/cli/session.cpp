@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/communicator.hpp"
+#include "core/text.hpp"
 
 namespace debias::cli {
 namespace {
@@ -57,8 +58,14 @@ Loaded words_of(const std::string& text) {
   file.saved.command = take("command");
   words.names = split_at(take("names"), ' ');
   file.delivery.output = take("output");
-  file.delivery.csv = words.flags["csv"];
-  words.flags.erase("csv");
+  if (words.values.count("plot") > 0) file.delivery.plot = take("plot");  // checkpoints of before have none
+  const auto take_flag = [&words](const std::string& name) {
+    const auto flag = words.flags.extract(name);
+    return !flag.empty() && flag.mapped();
+  };
+  file.delivery.csv = take_flag("csv");
+  file.delivery.full = take_flag("full");
+  file.delivery.json = take_flag("json");
   return file;
 }
 
@@ -84,8 +91,11 @@ std::string text_of(const Saved& saved, const Delivery& delivery) {
   add("names", '=', joined(saved.words.names));
   for (const auto& [name, value] : saved.words.values) add(name, '=', value);
   add("output", '=', delivery.output);
+  add("plot", '=', delivery.plot);
   for (const auto& [name, value] : saved.words.flags) add_flag(name, value);
   add_flag("csv", delivery.csv);
+  add_flag("full", delivery.full);
+  add_flag("json", delivery.json);
   return text;
 }
 
@@ -93,9 +103,9 @@ Loaded load(const std::string& path, const Ranks& ranks) {
   try {
     const auto read = [&] {
       PartFile file = read_parts(path);
-      if (file.dropped > 0) {
-        complain("warning: '" + path + "': its last " + std::to_string(file.dropped) +
-                 " bytes are no whole record and are left out");
+      if (const auto n = static_cast<std::int64_t>(file.dropped); n > 0) {
+        complain("warning: '" + path + "': its last " + counted(n, "byte") + are(n) + " no whole record and" + are(n) +
+                 " left out");
       }
       return encode(file.text, file.parts);
     };

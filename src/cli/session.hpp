@@ -13,13 +13,14 @@
 
 namespace debias::cli {
 
-/// The words as the text of a file. Throws std::invalid_argument for a line break.
+/// The words as the text of a file, and where their report goes in which form. Throws std::invalid_argument for a line
+/// break.
 std::string text_of(const Saved& saved, const Delivery& delivery = {});
 
 /// A file as it was read.
 struct Loaded {
   Saved saved;
-  Delivery delivery;  ///< output and csv
+  Delivery delivery;  ///< output, plot, csv, full and json
   Parts parts;
 };
 /// Throws FileError; says where the tail is torn. The leading one of `ranks` reads for all.

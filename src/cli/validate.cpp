@@ -3,6 +3,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "core/text.hpp"
 #include "execute.hpp"
 #include "session.hpp"
 
@@ -70,8 +71,8 @@ int execute(const commands::HardRequest& request, const Delivery& delivery) {
   const commands::HardReport report = commands::validate_hard(request, {watch_share(progress)}, show);
   write_summary(out, delivery, report);
   if (report.report.failed == 0) return done;
-  complain(std::to_string(report.report.failed) + " of " + std::to_string(report.report.cells.size()) +
-           " hard cases are wrong without a word");
+  complain(std::to_string(report.report.failed) + " of " + std::to_string(report.report.cells.size()) + " hard cases" +
+           are(report.report.failed) + " wrong without a word");
   return validation_failed;
 }
 

@@ -96,7 +96,9 @@ void print_values(std::ostream& out, const Diagnosis& d, bool full) {
   const numbers::Report& r = d.read;
   const auto at = [&d](std::int64_t row) { return d.unit + " " + std::to_string(row); };
   if (r.bad_rows > 0) {
-    print_line(out, "bad rows", share_of_rows(r) + " hold no number; everything below is without them");
+    print_line(
+        out, "bad rows",
+        share_of_rows(r) + (r.bad_rows == 1 ? " holds" : " hold") + " no number; everything below is without them");
     for (const numbers::BadRow& bad : r.first_bad_rows) print_line(out, "", at(bad.row) + ": " + bad.reason);
   }
   print_line(out, "file", d.file + (r.column.empty() ? "" : ", column " + r.column));
@@ -104,13 +106,13 @@ void print_values(std::ostream& out, const Diagnosis& d, bool full) {
   print_line(out, "values", std::to_string(m.count));
   if (d.nonfinite > 0) {
     print_line(out, "mean",
-               "not a number: " + std::to_string(d.nonfinite) + " values are not finite, the first in " +
+               "not a number: " + counted(d.nonfinite, "value") + are(d.nonfinite) + " not finite, the first in " +
                    at(d.first_nonfinite));
     return;
   }
   const RunVerdict& v = d.verdict;
   const char* doubt = v.interval_reliable() ? "" : " (unreliable, see verdict)";
-  const std::string rest = r.bad_rows > 0 ? " (without " + std::to_string(r.bad_rows) + " bad rows)" : "";
+  const std::string rest = r.bad_rows > 0 ? " (without " + counted(r.bad_rows, "bad row") + ")" : "";
   print_line(out, "mean",
              m.count > 1 && d.standard_error > 0
                  ? with_error(d.mean, d.standard_error) + rest + "   " + text_of(d.interval) + doubt

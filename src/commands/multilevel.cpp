@@ -16,6 +16,10 @@ MultilevelRequest multilevel_of(const RunRequest& request) {
   if (request.shard) {
     throw BadRequest({Field{"shard"}, " (multilevel decides after each level, from all draws); leave it out"});
   }
+  if (request.confidence != RunRequest{}.confidence) {
+    throw BadRequest({Field{"confidence"}, " = '" + rounded(request.confidence, 15) +
+                                               "' (multilevel has no interval, its error holds a bias); leave it out"});
+  }
   const Plan plan = plan_of(request.sampling);
   if (!(plan.goal.error > 0)) {
     throw BadRequest({estimator, " multilevel (takes its draws from ", error, "); write ", error, " 0.01"});

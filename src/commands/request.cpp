@@ -64,6 +64,17 @@ std::int64_t block_of(const Shape& shape, catalog::Method method) {
   throw BadRequest({block_field, " = '" + std::to_string(shape.block) + "' (strata need a single term); leave it out"});
 }
 
+// The base level of a shape, where the problem can draw the first level of the PMF behind it.
+std::optional<std::int64_t> base_of(const Shape& shape, const catalog::Problem& problem, catalog::Method method) {
+  const std::int64_t deepest = problem.levels.draw ? problem.levels.deepest_level : deepest_of_all;
+  const unsigned before = method == catalog::Method::single_term ? 1 : 0;
+  if (!shape.base_level || *shape.base_level <= deepest - before) return shape.base_level;
+  throw BadRequest({Field{"base_level"}, " = '" + std::to_string(*shape.base_level) + "' (levels are drawn from " +
+                                             std::to_string(static_cast<std::uint64_t>(*shape.base_level) + before) +
+                                             " on, and the deepest that can be drawn is " + std::to_string(deepest) +
+                                             "); take a lower one"});
+}
+
 // The block that a method draws with the points that are asked for.
 std::int64_t block_of(const Shape& shape, catalog::Method method, const AnyPmf& pmf) {
   if (shape.points != Points::nets) return block_of(shape, method);
@@ -145,7 +156,7 @@ catalog::Choice choice_of(const Shape& shape, const catalog::Problem& problem) {
   const AnyPmf pmf = takes_pmf ? pmf_of(shape.pmf, problem, method) : AnyPmf(Geometric(0.5));
   return {method,
           pmf,
-          shape.base_level.value_or(problem.lowest_base),
+          base_of(shape, problem, method).value_or(problem.lowest_base),
           "",
           block_of(shape, method, pmf),
           shape.points.value_or(Points::plain)};
@@ -171,13 +182,14 @@ catalog::Choice sweep_of(const Shape& shape, const catalog::Problem& problem) {
     throw BadRequest({estimator_field, " = '" + name_of(*shape.estimator) +
                                            "' (a sweep is for single_term and single_term_outcome); leave it out"});
   }
-  return {method, AnyPmf(Geometric(0.5)), shape.base_level.value_or(problem.lowest_base), "", block_of(shape, method)};
+  return {method, AnyPmf(Geometric(0.5)), base_of(shape, problem, method).value_or(problem.lowest_base), "",
+          block_of(shape, method)};
 }
 
 RecipeOptions recipe_of(const Shape& shape, const catalog::Problem& problem) {
   RecipeOptions options;
   options.lowest_base = problem.lowest_base;
-  options.base_level = shape.base_level;
+  options.base_level = base_of(shape, problem, catalog::Method::single_term_outcome);
   options.points = shape.points;
   if (const AnyPmf* pmf = std::get_if<AnyPmf>(&shape.pmf)) {
     throw BadRequest({pmf_field, " = '" + pmf->spec() + "' (a recipe chooses it); leave it out"});

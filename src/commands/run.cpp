@@ -8,6 +8,7 @@
 
 #include <debias/core/estimator.hpp>
 
+#include "core/text.hpp"
 #include "core/words.hpp"
 #include "describe.hpp"
 #include "recipe/prose.hpp"
@@ -71,19 +72,73 @@ void check_shard(const RunRequest& r) {
   }
 }
 
-RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, std::int64_t block) {
-  const std::int64_t samples = debias::detail::whole_blocks(asked, block);
-  if (!shard) return {0, samples};
-  const std::int64_t chunk = block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk;
+std::int64_t chunk_of(std::int64_t block) { return block > 1 ? debias::detail::chunk_of_blocks(block) : default_chunk; }
+
+// Empty where there are more shards than chunks.
+RunState::Range part_of(const Shard& shard, std::int64_t samples, std::int64_t chunk) {
   const std::int64_t chunks = (samples - 1) / chunk + 1;
-  const auto [i, n] = *shard;
+  const auto [i, n] = shard;
   const auto cut = [&, n = n](std::int64_t k) {
     return k == n ? samples : (chunks / n * k + std::min(chunks % n, k)) * chunk;
   };
-  if (cut(i - 1) < cut(i)) return {cut(i - 1), cut(i)};
-  throw BadRequest({Field{"shard"}, " = " + text_of(*shard) + " (" + std::to_string(samples) + " samples are only " +
-                                        std::to_string(chunks) + " chunks of " + std::to_string(chunk) +
+  return {cut(i - 1), cut(i)};
+}
+
+RunState::Range range_of(const std::optional<Shard>& shard, std::int64_t asked, std::int64_t block) {
+  const std::int64_t samples = debias::detail::whole_blocks(asked, block);
+  if (!shard) return {0, samples};
+  const std::int64_t chunk = chunk_of(block);
+  const RunState::Range part = part_of(*shard, samples, chunk);
+  if (part.first < part.second) return part;
+  const std::int64_t chunks = (samples - 1) / chunk + 1;
+  throw BadRequest({Field{"shard"}, " = " + text_of(*shard) + " (" + counted(samples, "sample") + are(samples) +
+                                        " only " + counted(chunks, "chunk") + " of " + std::to_string(chunk) +
                                         "); take fewer shards"});
+}
+
+using NamedShards = std::vector<std::pair<std::string, KeptRun>>;
+
+// A sample in two of the files, which is most often one file twice.
+void refuse_twice(const NamedShards& shards, std::size_t at) {
+  const auto& [name, kept] = shards[at];
+  for (std::size_t i = 0; i < at; ++i) {
+    const auto& [before, other] = shards[i];
+    if (!kept.sums || !other.sums) continue;
+    const std::int64_t first = std::max(kept.sums->first(), other.sums->first());
+    if (first >= std::min(kept.sums->last(), other.sums->last())) continue;
+    throw BadPart("'" + name + "': " + (name == before ? "given twice" : "holds samples of '" + before + "'") +
+                  ", so that both results hold sample " + std::to_string(first) +
+                  " (a sample may count once only); give each shard once");
+  }
+}
+
+// The shards behind some gaps: those that no file is of, and the files that are not finished. Nothing where the files are
+// of several splits.
+std::string behind(const std::vector<RunState::Range>& gaps, const NamedShards& shards, const RunRequest& whole) {
+  const std::optional<Shard>& split = shards.front().second.request.shard;
+  if (!split) return "";
+  std::vector<std::string> names(static_cast<std::size_t>(split->of));
+  for (const auto& [name, kept] : shards) {
+    const std::optional<Shard>& shard = kept.request.shard;
+    if (!shard || shard->of != split->of) return "";
+    names[static_cast<std::size_t>(shard->index - 1)] = "unfinished '" + name + "'";
+  }
+  const std::int64_t block = whole.shape.block;
+  const std::int64_t samples = debias::detail::whole_blocks(*whole.sampling.samples, block);
+  constexpr std::int64_t most_named = 4;
+  std::int64_t found = 0;
+  std::string text;
+  for (std::int64_t i = 1; i <= split->of; ++i) {
+    const RunState::Range part = part_of({i, split->of}, samples, chunk_of(block));
+    const bool has_gap = std::any_of(gaps.begin(), gaps.end(), [&part](const RunState::Range& gap) {
+      return gap.first < part.second && part.first < gap.second;
+    });
+    if (!has_gap || ++found > most_named) continue;
+    const std::string& name = names[static_cast<std::size_t>(i - 1)];
+    text += (text.empty() ? ": " : ", ") +
+            (name.empty() ? "shard " + std::to_string(i) + "/" + std::to_string(split->of) : name);
+  }
+  return text + (found > most_named ? " and more" : "");
 }
 
 // The shape that names a choice, with nothing left to what is declared or to a pilot.
@@ -201,8 +256,8 @@ std::pair<RunRequest, Earlier> extended(const ResumeRequest& request) {
     const std::int64_t held = earlier.sums ? earlier.sums->last() : 0;
     if (debias::detail::whole_blocks(*request.samples, earlier.sums ? earlier.sums->block() : 1) < held) {
       throw BadRequest({samples_field, " = '" + std::to_string(*request.samples) + "' (the file holds " +
-                                           std::to_string(held) +
-                                           " samples already, and none is thrown away); ask for more"});
+                                           counted(held, "sample") +
+                                           " already, and none is thrown away); ask for more"});
     }
     r.sampling.goal = {};
     r.sampling.samples = request.samples;
@@ -218,8 +273,14 @@ KeptRun merged(const MergeRequest& request) {
   RunState sums;
   std::vector<Warning> doubts;
   bool any = false;
-  for (const auto& [name, kept] : request.shards) {
+  for (std::size_t at = 0; at < request.shards.size(); ++at) {
+    const auto& [name, kept] = request.shards[at];
     RunRequest shard = kept.request;
+    try {
+      check_shard(shard);
+    } catch (const BadRequest& e) {
+      throw BadPart("'" + name + "': " + e.what());
+    }
     shard.shard.reset();
     // A doubt of a pilot's seconds is not in every shard.
     debias::detail::add_new(doubts, std::exchange(shard.doubts, {}));
@@ -230,6 +291,7 @@ KeptRun merged(const MergeRequest& request) {
                     "': problem, options, seed and samples must be the same");
     }
     if (!kept.sums) continue;
+    refuse_twice(request.shards, at);
     try {
       any ? sums.merge(*kept.sums) : void(sums = *kept.sums);
     } catch (const std::invalid_argument& e) {
@@ -245,9 +307,9 @@ KeptRun merged(const MergeRequest& request) {
     for (std::size_t i = 0; i < gaps.size() && i < 4; ++i) {
       missing += (i > 0 ? ", [" : "[") + std::to_string(gaps[i].first) + ", " + std::to_string(gaps[i].second) + ")";
     }
-    throw BadPart("merge: of " + std::to_string(samples) + " samples " + missing +
-                  (gaps.size() > 4 ? " and more" : "") +
-                  " are missing; add the other shards, or finish them with `debias resume`");
+    throw BadPart("merge: of " + counted(samples, "sample") + " " + missing + (gaps.size() > 4 ? " and more" : "") +
+                  " are missing" + behind(gaps, request.shards, whole.request) +
+                  "; add the other shards, or finish them with `debias resume`");
   }
   whole.sums = std::make_shared<RunState>(std::move(sums));
   whole.request.doubts = std::move(doubts);
@@ -272,17 +334,22 @@ void print(std::ostream& out, const RunReport& run, bool full) {
   const bool plain = run.verdict.finite_variance && run.verdict.finite_work && c.method != catalog::Method::truncated &&
                      c.special.empty();
   if ((full || !plain) && !run.verdict.sentence.empty()) print_line(out, "declared", run.verdict.sentence);
-  if (!run.advice) return;
-  if (full) {
-    debias::detail::print_chosen(out, *run.advice);
-  } else {
-    debias::detail::print_points(out, *run.advice);
+  if (!full) {
+    if (run.advice) debias::detail::print_points(out, *run.advice);
+    return;
   }
-  if (!full || run.problem->id.empty()) return;
+  const std::string pmf = pmf_text(c);
+  if (run.advice) {
+    debias::detail::print_chosen(out, *run.advice);
+  } else if (!pmf.empty()) {  // a run that is resumed has the PMF of its recipe
+    print_line(out, "pmf", pmf);
+  }
+  if (run.problem->id.empty()) return;
+  const std::string shape = " --base-level " + std::to_string(c.base_level) + " --block " + std::to_string(c.block) +
+                            (c.points == Points::nets ? " --points nets" : "");
   print_line(out, "replay",
-             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) + " --pmf '" +
-                 c.pmf.spec() + "' --base-level " + std::to_string(c.base_level) + " --block " +
-                 std::to_string(c.block) + (c.points == Points::nets ? " --points nets" : "") + " --seed " +
+             "debias replay " + run.problem->id + " --estimator " + std::string(catalog::name_of(c)) +
+                 (pmf.empty() ? "" : " --pmf '" + pmf + "'") + (c.special.empty() ? shape : "") + " --seed " +
                  std::to_string(s.seed) + " --sample I");
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <ostream>
 
+#include "core/text.hpp"
 #include "describe.hpp"
 #include "text.hpp"
 
@@ -147,13 +148,13 @@ Fields fields(const Cell& cell) {
 void print(std::ostream& out, const ValidateReport& v) {
   using enum validation::Status;
   const auto whole = [](auto n) { return std::to_string(n); };
-  out << whole(v.report.cells.size()) << " cells: " << whole(v.report.passed) << " passed, " << whole(v.report.failed)
-      << " failed, " << whole(count(v.report, biased)) << " biased, " << whole(count(v.report, refused)) << " refused, "
-      << whole(count(v.report, underpowered)) << " underpowered\n"
+  out << counted(std::ssize(v.report.cells), "cell") << ": " << whole(v.report.passed) << " passed, "
+      << whole(v.report.failed) << " failed, " << whole(count(v.report, biased)) << " biased, "
+      << whole(count(v.report, refused)) << " refused, " << whole(count(v.report, underpowered)) << " underpowered\n"
       << "max |z| " << rounded(v.report.max_abs_z, 3) << ", threshold " << rounded(v.report.threshold, 3)
       << "; smallest detectable bias " << rounded(v.report.smallest_detectable_bias, 3)
       << " standard deviations of one sample\n"
-      << whole(v.samples) << " samples per cell, seed " << whole(v.seed) << ", " << rounded(v.seconds, 3) << " s\n";
+      << counted(v.samples, "sample") << " per cell, seed " << whole(v.seed) << ", " << rounded(v.seconds, 3) << " s\n";
 }
 
 Fields fields(const ValidateReport& v) {
@@ -276,7 +277,7 @@ Fields fields(const HardCell& cell) {
 
 void print(std::ostream& out, const HardReport& h) {
   out << std::to_string(h.report.cells.size()) << " cases, " << std::to_string(h.report.failed)
-      << " wrong without a word; " << std::to_string(h.samples) << " samples each, seed " << std::to_string(h.seed)
+      << " wrong without a word; " << counted(h.samples, "sample") << " each, seed " << std::to_string(h.seed)
       << "; threshold " << rounded(h.report.threshold, 3) << " standard errors\n";
 }
 

@@ -121,13 +121,15 @@ Plan plan_for_goal(const Plan& plan, const Drawn& drawn, std::int64_t& nonfinite
     const double next = std::min(pilot_share * wanted, static_cast<double>(most_pilot_blocks));
     if (next < 4 * static_cast<double>(pilot_blocks)) {
       const double samples = wanted * static_cast<double>(block);
+      const std::string help = plan.goal.seconds > 0 ? "; ask for fewer seconds" : "; ask for a larger error";
       if (!(samples < 0x1p62)) {
-        throw std::invalid_argument("Goal: it takes " + format("%f", samples) + " samples (does not fit 64 bits)");
+        const std::string many = std::isfinite(samples) ? format("%.3g", samples) + " samples" : "endless samples";
+        throw std::invalid_argument("Goal: it takes " + many + " (does not fit 64 bits)" + help);
       }
       if (wanted > most_blocks) {
         throw std::invalid_argument("Goal: it takes " + format("%.3g", samples) + " samples (about " +
-                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) +
-                                    " seconds); ask for a larger error");
+                                    format("%.2g", wanted * s.seconds / static_cast<double>(s.blocks)) + " seconds)" +
+                                    help);
       }
       if (plan.goal.seconds > 0)
         return planned(std::max<std::int64_t>(2, static_cast<std::int64_t>(std::ceil(wanted))));
@@ -252,8 +254,8 @@ Statistics drive(Drawn& drawn, const Plan& plan) {
   drawn.begin(std::max(fixed.first, held) / block, (fixed.first + fixed.samples) / block, in_order);
   Statistics s = run(fixed, drawn.identity, drawn.pieces, drawn.body);
   if (nonfinite > 0 && s.nonfinite == 0) {  // as many samples again have shown none: no number is an answer
-    throw std::invalid_argument("Goal: " + std::to_string(nonfinite) +
-                                " samples of its pilot are not finite, none of the " + std::to_string(s.samples) +
+    throw std::invalid_argument("Goal: " + counted(nonfinite, "sample") + " of its pilot" + are(nonfinite) +
+                                " not finite, none of the " + std::to_string(s.samples) +
                                 " of the run is; ask for many `samples` in place of a goal, which name one to replay");
   }
   s.goal = plan.goal;

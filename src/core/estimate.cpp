@@ -83,8 +83,8 @@ Statistics finish(std::uint64_t seed, RunState state) {
 
 // "131072 samples", "2048 blocks of 64 samples"
 std::string count_text(const Statistics& s) {
-  if (s.block == 1) return std::to_string(s.samples) + " samples";
-  return std::to_string(s.blocks) + " blocks of " + std::to_string(s.block) + " samples";
+  if (s.block == 1) return counted(s.samples, "sample");
+  return counted(s.blocks, "block") + " of " + std::to_string(s.block) + " samples";
 }
 
 // What one of its values comes from.
@@ -98,8 +98,8 @@ void add_warnings(Statistics& s) {
   const std::string seed = std::to_string(s.seed);
   const auto warn = [&s](WarningCode code, std::string text) { s.warnings.push_back({code, std::move(text)}); };
   if (s.nonfinite > 0) {
-    warn(WarningCode::nonfinite_samples, std::to_string(s.nonfinite) + " of " + count_text(s) +
-                                             " are not finite, so the mean is not a number; replay the first: seed " +
+    warn(WarningCode::nonfinite_samples, std::to_string(s.nonfinite) + " of " + count_text(s) + are(s.nonfinite) +
+                                             " not finite, so the mean is not a number; replay the first: seed " +
                                              seed + ", sample " + std::to_string(s.first_nonfinite) + ".");
     return;
   }

@@ -69,8 +69,11 @@ std::optional<std::span<const std::byte>> next_record(ByteReader& r, std::span<c
 
 void demand_regular(const struct stat& status, const std::string& path) {
   if (S_ISREG(status.st_mode)) return;
-  errno = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
-  fail(S_ISDIR(status.st_mode) ? path : path + "' is no regular file: '" + path);
+  if (!S_ISDIR(status.st_mode)) {
+    throw std::system_error(EINVAL, std::generic_category(), "'" + path + "' is no regular file");
+  }
+  errno = EISDIR;
+  fail(path);
 }
 
 }  // namespace

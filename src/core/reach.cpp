@@ -38,16 +38,17 @@ void require_reach(const Reach& reach, std::int64_t samples) {
   const std::int64_t most_samples =
       most < 0x1p62 ? static_cast<std::int64_t>(most) / reach.block * reach.block : samples;
   const Steeper other = steeper_pmf(reach, allowed_beyond(members));
+  if (reach.first_level > reach.deepest) {
+    throw UndrawableError("base_level: levels are drawn from " + std::to_string(reach.first_level) +
+                              " on (every one needs a level beyond " + std::to_string(reach.deepest) +
+                              ", the deepest that the sequence can draw); take a lower base level",
+                          reach.deepest, chance, 0, "");
+  }
   std::string text = "samples = " + std::to_string(samples);
   if (reach.block > 1) text += " in blocks of " + std::to_string(reach.block);
   const std::string deepest = reach.deepest == deepest_of_all ? "a level of 2^62 or more, which does not fit 64 bits,"
                                                               : "a level beyond " + std::to_string(reach.deepest) +
                                                                     ", the deepest that the sequence can draw,";
-  if (reach.first_level > reach.deepest) {
-    text += " (every one needs " + deepest + " since levels are drawn from " + std::to_string(reach.first_level) +
-            " on); take a lower base level";
-    throw UndrawableError(text, reach.deepest, chance, 0, "");
-  }
   text += " (the chance that one of them needs " + deepest + " is " + percent(chance) + " under " +
           (reach.pmf.empty() ? "this PMF" : reach.pmf) + ", and 0.1 % is allowed); ";
   text += most_samples > 0  ? "take at most " + std::to_string(most_samples) + " samples, or "

@@ -1,5 +1,6 @@
 #include <debias/core/report.hpp>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -59,11 +60,10 @@ class Printer {
       line("estimator", s_.estimator);
       if (const std::string coupling = text_of(s_.coupling); !coupling.empty()) line("coupling", coupling);
     }
-    line("samples", std::to_string(s_.samples) +
-                        (s_.block > 1 ? " in " + std::to_string(s_.blocks) + " blocks of " + std::to_string(s_.block)
-                                      : std::string()) +
-                        ", seed " + std::to_string(s_.seed) +
-                        (s_.first > 0 ? ", from index " + std::to_string(s_.first) : ""));
+    line("samples",
+         std::to_string(s_.samples) +
+             (s_.block > 1 ? " in " + counted(s_.blocks, "block") + " of " + std::to_string(s_.block) : std::string()) +
+             ", seed " + std::to_string(s_.seed) + (s_.first > 0 ? ", from index " + std::to_string(s_.first) : ""));
     costs(full);
     goal();
     if (has_verdict_) full ? verdicts() : line("verdict", verdict_.sentence());
@@ -157,6 +157,7 @@ class Printer {
   void rest() {
     const char* name = "reason";
     for (const Warning& reason : verdict_.reasons) {
+      if (std::find(s_.warnings.begin(), s_.warnings.end(), reason) != s_.warnings.end()) continue;  // it is said
       line(name, reason.text);
       name = "";
     }

@@ -164,8 +164,9 @@ std::string detail::format(NumberPattern pattern, double x) {
 
 double parse_positive(std::string_view text, std::string_view what) {
   const double x = parse_double(text, what);
-  if (x > 0) return x;
-  throw std::invalid_argument(std::string(what) + " = '" + std::string(text) + "' (must be positive)");
+  if (x >= std::numeric_limits<double>::min()) return x;
+  throw std::invalid_argument(std::string(what) + " = '" + std::string(text) + "' (must be positive" +
+                              (x > 0 ? ", and a double of full precision" : "") + ")");
 }
 
 double parse_seconds(std::string_view text, std::string_view what) {
@@ -184,6 +185,12 @@ double parse_share(std::string_view text, std::string_view what) {
 std::string right(const std::string& text, std::size_t width) {
   return std::string(width > text.size() ? width - text.size() : 0, ' ') + text;
 }
+
+std::string counted(std::int64_t n, std::string_view noun) {
+  return std::to_string(n) + " " + std::string(noun) + (n == 1 ? "" : "s");
+}
+
+std::string are(std::int64_t n) { return n == 1 ? " is" : " are"; }
 
 std::string to_text(double x) {
   if (const std::string_view words = in_words(x); !words.empty()) return std::string(words);

@@ -33,6 +33,10 @@ double parse_positive(std::string_view text, std::string_view what);
 double parse_seconds(std::string_view text, std::string_view what);
 double parse_share(std::string_view text, std::string_view what);
 
+/// "1 sample", "2 samples"; with a verb behind, "1 sample is", "2 samples are".
+std::string counted(std::int64_t n, std::string_view noun);
+std::string are(std::int64_t n);
+
 /// The fewest digits that parse_double reads back as the same double; of others see `format`.
 std::string to_text(double x);
 

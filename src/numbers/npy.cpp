@@ -390,7 +390,8 @@ void read_npy(Input& input, const Request& request, Report& report, const Take& 
   sink.flush();
   if (number.rounded() > 0) {
     sink.doubt(Cause::rounded, std::to_string(number.rounded()) +
-                                   " whole numbers lie beyond 2^53, where a double does not hold every one");
+                                   (number.rounded() == 1 ? " whole number lies" : " whole numbers lie") +
+                                   " beyond 2^53, where a double does not hold every one");
   }
 }
 

@@ -36,15 +36,17 @@ void read_all(Input& input, bool swap, Report& report, Sink& sink, const char* r
     input.fill();
   }
   if (const std::size_t rest = input.window().size(); rest > 0) {
-    sink.leave_out(
-        row + 1, std::to_string(rest) + " bytes at the end are no " + (sizeof(Bits) == 8 ? "double" : "32-bit float"));
+    sink.leave_out(row + 1, std::to_string(rest) +
+                                (rest == 1 ? " byte at the end is no " : " bytes at the end are no ") +
+                                (sizeof(Bits) == 8 ? "double" : "32-bit float"));
   }
   sink.flush();
   if (2 * odd > row && 2 * odd_if_swapped < row) {
     const bool big = report.order == ByteOrder::big;
-    sink.doubt(Cause::byte_order,
-               std::to_string(odd) + " values lie beyond " + range + ", and " + std::to_string(odd_if_swapped) +
-                   " would in the other byte order: the file may be " + (big ? "little-endian" : "big-endian"));
+    sink.doubt(Cause::byte_order, std::to_string(odd) + (odd == 1 ? " value lies beyond " : " values lie beyond ") +
+                                      range + ", and " + std::to_string(odd_if_swapped) +
+                                      " would in the other byte order: the file may be " +
+                                      (big ? "little-endian" : "big-endian"));
   }
 }
 

@@ -79,7 +79,11 @@ AnyPmf parse_geometric(const Spec& spec) {
 
 AnyPmf parse_zeta(const Spec& spec) {
   static constexpr std::string_view keys[] = {"s"};
-  return AnyPmf(Zeta(read_parameter(spec, spec.parameters, keys).value));
+  const double s = read_parameter(spec, spec.parameters, keys).value;
+  if (s > 1000) {  // Zeta takes it: all of its mass is that of level 0
+    spec.refuse("s = " + to_text(s) + " (no double holds the mass 2^-s of level 1, and the PMF ends before it)");
+  }
+  return AnyPmf(Zeta(s));
 }
 
 AnyPmf parse_poisson(const Spec& spec) {

@@ -28,6 +28,10 @@ Poisson::Poisson(double lambda) : lambda_(lambda), first_(0) {
     throw std::invalid_argument("Poisson: lambda = " + to_text(lambda) +
                                 " (must lie in (0, 1e6]); lambda is the mean level");
   }
+  if (lambda < std::numeric_limits<double>::min()) {
+    throw std::invalid_argument("Poisson: lambda = " + to_text(lambda) +
+                                " (no double holds the mass of level 1 in full, and the PMF ends before it)");
+  }
   // P(J < lambda - 9 sqrt(lambda)) < exp(-81 / 2) = 3e-18 by Chernoff: there, tails are 1 to rounding.
   first_ = static_cast<std::int64_t>(std::max(0.0, lambda - 9 * std::sqrt(lambda)));
   for (std::int64_t j = first_;; ++j) {

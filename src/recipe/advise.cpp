@@ -144,7 +144,7 @@ class Adviser {
   double run_work_ = 0;  // that the plain choice expects
 };
 
-void check(const Plan& plan, const RecipeOptions& options) {
+void check(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options) {
   detail::check_plan(plan);
   detail::check_goal(plan.goal);
   if (options.lowest_base < 0) {
@@ -152,6 +152,11 @@ void check(const Plan& plan, const RecipeOptions& options) {
                                 " (levels start at 0)");
   }
   if (options.base_level) detail::check_base_level("recipe", *options.base_level);
+  if (options.base_level && *options.base_level > levels.deepest_level) {
+    throw std::invalid_argument("recipe: base_level = " + std::to_string(*options.base_level) +
+                                " (the deepest level that can be drawn is " + std::to_string(levels.deepest_level) +
+                                "); take a lower one");
+  }
   if (options.base_level && *options.base_level < options.lowest_base) {
     throw std::invalid_argument("recipe: base_level = " + std::to_string(*options.base_level) +
                                 " is below lowest_base = " + std::to_string(options.lowest_base) + "; state one");
@@ -389,7 +394,7 @@ void Adviser::finish() {
   advice_.pilot_work = spent();  // what was drawn for the choice, too
   advice_.pilot_seconds = seconds_so_far();
   if (advice_.usable() && plan_.goal.asked() && static_cast<double>(advice_.members) > most_affordable) {
-    refuse_cost(advice_, wanted_members(advice_, plan_));
+    refuse_cost(advice_, wanted_members(advice_, plan_), plan_.goal);
   }
   judge_points(advice_.survey, runs_);
   for (const Warning& remark : advice_.survey.remarks) {
@@ -417,7 +422,7 @@ std::string Adviser::why_points() const {
 bool Advice::usable() const { return survey.pmf_exists != Answer::no; }
 
 Advice advise(const LevelRuns& levels, const Plan& plan, const RecipeOptions& options) {
-  check(plan, options);
+  check(levels, plan, options);
   return Adviser(levels, plan, options).advise();
 }
 

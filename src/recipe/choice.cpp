@@ -377,7 +377,7 @@ void set_members(Advice& advice, double members) {
   advice.members = static_cast<std::int64_t>(std::min(blocks, most_members_of_run / largest_block)) * advice.block;
 }
 
-void refuse_cost(const Advice& advice, double members) {
+void refuse_cost(const Advice& advice, double members, const Goal& goal) {
   double seconds = 0;
   double work = 0;
   for (const SurveyRow& r : advice.survey.rows) {
@@ -386,8 +386,8 @@ void refuse_cost(const Advice& advice, double members) {
   }
   throw std::invalid_argument("Goal: it takes " + format("%.3g", members) + " members (work " +
                               format("%.2g", members * advice.predicted.work) + ", about " +
-                              format("%.2g", members * advice.predicted.work * seconds / work) +
-                              " seconds); ask for a larger error");
+                              format("%.2g", members * advice.predicted.work * seconds / work) + " seconds); ask for " +
+                              (goal.seconds > 0 ? "fewer seconds" : "a larger error"));
 }
 
 namespace {
@@ -433,7 +433,7 @@ double wanted_members(const Advice& advice, const Plan& plan) {
   const double members = std::max(fewest_blocks, advice.predicted.variance / (error * error));  // fewer have no error
   // What is not shown may ask for less when the pilot has seen more.
   const bool shown = advice.survey.pmf_exists == Answer::yes && advice.survey.grade == Grade::shown;
-  if (members > most_affordable && shown) refuse_cost(advice, members);
+  if (members > most_affordable && shown) refuse_cost(advice, members, plan.goal);
   return members;
 }
 

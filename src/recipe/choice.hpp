@@ -43,7 +43,7 @@ double highest_moment_of(const Survey& survey, double exponent);
 double right_for_declared(double exponent, const Advice& advice, const Rates& shown, double (*best)(const Rates&));
 
 /// Throws for a goal that nobody will pay for.
-[[noreturn]] void refuse_cost(const Advice& advice, double members);
+[[noreturn]] void refuse_cost(const Advice& advice, double members, const Goal& goal);
 inline constexpr double most_affordable = 0x1p46;  ///< members of a goal
 
 /// No masses have a smaller product of variance and work; 0 where a negative part leaves no bound.

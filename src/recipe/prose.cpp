@@ -85,7 +85,7 @@ void describe(Advice& a) {
                          : (a.base == Base::one_outcome ? ", one outcome of the PMF" : ", evaluated in every sample");
   const bool nets = a.points == Points::nets;
   a.sentences.push_back("base level " + std::to_string(a.base_level) + form + "; " +
-                        (nets ? std::to_string(a.members / a.block) + " blocks of " + std::to_string(a.block) +
+                        (nets ? counted(a.members / a.block, "block") + " of " + std::to_string(a.block) +
                                     ", each level the points of a net of its own"
                          : a.block > 1 ? "systematic strata in blocks of " + std::to_string(a.block)
                                        : std::string("independent samples, too few for strata")));
@@ -110,7 +110,7 @@ void describe(Advice& a) {
                                ? std::string("no level of 2^62 or more can be drawn (it does not fit 64 bits)")
                                : "no level beyond " + std::to_string(a.deepest_level) + " can be drawn") +
                               ": so that it hardly comes up, the PMF falls faster than the best one, at " +
-                              format("%.3g", a.price) + " times its variance x work"});
+                              format("%.3g", a.price) + " times its variance x work."});
   }
   if (work > 0 && a.exponent.decay == Decay::geometric) {
     moments += std::string("; the variance of the work is ") + (rho > 2 * work ? "finite" : "infinite");
@@ -125,7 +125,7 @@ void print_line(std::ostream& out, const char* name, const std::string& text) {
 }
 
 std::string pilot_text(const Advice& advice) {
-  return "work " + format("%.4g", advice.pilot_work) + ", " + std::to_string(advice.survey.rows.size()) + " levels";
+  return "work " + format("%.4g", advice.pilot_work) + ", " + counted(std::ssize(advice.survey.rows), "level");
 }
 
 }  // namespace

@@ -114,8 +114,8 @@ class Scales {
     ends();
     if (e_.end != End::none) return std::move(e_);
     if (e_.courses.empty()) {
-      e_.reasons.push_back(
-          {WarningCode::few_levels, std::to_string(usable_.size()) + " levels are known, three are needed"});
+      e_.reasons.push_back({WarningCode::few_levels, counted(std::ssize(usable_), "level") + are(std::ssize(usable_)) +
+                                                         " known, three are needed"});
       return std::move(e_);
     }
     changes();
@@ -232,7 +232,7 @@ class Scales {
                                             levels_words(e_.first_usable, e_.last_usable) + " show " +
                                             (e_.contradiction->shown > e_.contradiction->error ? "" : "no fall, ") +
                                             short_text(e_.contradiction->shown) + " +- " +
-                                            short_text(e_.contradiction->error) + ": wrong, or not there yet"});
+                                            short_text(e_.contradiction->error) + ": wrong, or not there yet."});
     }
   }
 
@@ -266,7 +266,7 @@ class Scales {
         finish(End::aliased, Answer::open, Grade::open);
         e_.reasons.push_back({WarningCode::aliased_differences,
                               "differences vanish but the value still varies: what makes it vary lies between the "
-                              "points of the levels"});
+                              "points of the levels."});
       }
       return;
     }
@@ -478,7 +478,7 @@ class Scales {
     const bool may_say_no = budget_spent_ && !e_.changes && !slow;
     if (doubtful) {
       e_.reasons.push_back({WarningCode::no_second_moment,
-                            "the largest differences of most levels look as if there were no second moment"});
+                            "the largest differences of most levels look as if there were no second moment."});
     } else if (p <= shown_p && e_.unseen.high <= most_unseen_of_sum && e_.known >= 4) {
       e_.answer = Answer::yes;
       const bool by_rates = !e_.unaided.empty() && diverges(e_.unaided) > likely_p;
@@ -486,9 +486,9 @@ class Scales {
       if (e_.missing_moments || 3 * unclear > counted) {
         e_.grade = Grade::likely;
         e_.reasons.push_back({WarningCode::no_second_moment,
-                              e_.missing_moments ? "some levels may have no second moment"
+                              e_.missing_moments ? "some levels may have no second moment."
                                                  : "the draws of many levels do not tell whether these have a second "
-                                                   "moment, so the answer is likely and not shown"});
+                                                   "moment, so the answer is likely and not shown."});
       }
     } else if (p <= likely_p && e_.unseen.median <= most_unseen_of_sum && e_.known + e_.known_by_rates >= 3) {
       e_.answer = Answer::yes;

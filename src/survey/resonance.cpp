@@ -90,7 +90,7 @@ void judge_points(Survey& survey, const LevelRuns& runs) {
     survey.evidence.answer = Answer::open;
     survey.evidence.grade = Grade::open;
     survey.remarks.push_back(
-        {WarningCode::aliased_differences, detail::resonance_words(rows[i].level, size, std::abs(size) / error)});
+        {WarningCode::aliased_differences, detail::resonance_words(rows[i].level, size, std::abs(size) / error) + "."});
     return;
   }
 }

@@ -184,7 +184,7 @@ class Conclusion {
       remark(WarningCode::unexplained_time, "a draw of level " + std::to_string(last.level) + " takes " +
                                                 text_of(time) + " times as long as one of level " +
                                                 std::to_string(row.level) + " and states " + text_of(work) +
-                                                " times its work: state the work of a draw (`work`, with its value)");
+                                                " times its work: state the work of a draw (`work`, with its value).");
       return;
     }
   }
@@ -216,16 +216,15 @@ class Conclusion {
       where = row.level;
     }
     if (unknown >= 0) {
-      remark(
-          WarningCode::coupling_unchecked,
-          "values of level " + std::to_string(unknown) +
-              ", or of the level below, have a mean or a variance that no double holds: their coupling is not checked");
+      remark(WarningCode::coupling_unchecked, "values of level " + std::to_string(unknown) +
+                                                  ", or of the level below, have a mean or a variance that no double "
+                                                  "holds: their coupling is not checked.");
     }
     if (worst <= 4.5) return;
     remark(WarningCode::coupling,
            "E[I_k] - E[I_(k-1)] is not E[D_k] at level " + std::to_string(where) + " (z = " + text_of(worst) +
                "): the coarse partner of the coupling is not distributed like the level below, and every estimate "
-               "from it is biased");
+               "from it is biased.");
   }
 
   [[nodiscard]] double size(const SurveyRow& row) const { return std::sqrt(row.second_moment) / scale_; }
@@ -306,10 +305,10 @@ class Conclusion {
     if (!g && !p) {
       constexpr double nan = std::numeric_limits<double>::quiet_NaN();
       r.mean_decay = r.variance_decay = r.fourth_decay = {nan, 0};
-      remark(WarningCode::rates_unknown,
-             "cannot tell the rates yet: " + std::to_string(usable.size()) +
-                 (usable.size() == 1 ? " level" : " levels") + " with enough draws for their kurtosis, no " +
-                 std::to_string(fewest_levels) + " of them on a line; survey more levels, or more draws");
+      remark(WarningCode::rates_unknown, "cannot tell the rates yet: " + counted(std::ssize(usable), "level") +
+                                             " with enough draws for their kurtosis, no " +
+                                             std::to_string(fewest_levels) +
+                                             " of them on a line; survey more levels, or more draws");
       return;
     }
     // A power of the level only where a power of 2 explains clearly less: few levels look like either.

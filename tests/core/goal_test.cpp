@@ -98,7 +98,7 @@ TEST_CASE("a goal whose pilot saw no number does not end in one", "[goal]") {
     std::int64_t calls = 0;
     const auto x = [&](Stream& rng) { return ++calls == 40 ? poison : rng.uniform(); };  // in the pilot, never again
     CHECK_THROWS_WITH(estimate(x, {.samples = 4096, .threads = 1, .goal = {.error = 1e-3}}),
-                      Catch::Contains("1 samples of its pilot are not finite"));
+                      Catch::Contains("1 sample of its pilot is not finite"));
   }
 }
 

@@ -88,6 +88,8 @@ TEST_CASE("A PMF that cannot be read is refused with what is wrong and what is n
       {"geometric:r=1.2", "Geometric: r = 1.2 (must lie in"},
       {"zeta:s=1", "Zeta: s = 1 (must be greater than 1"},
       {"zeta:s=1e999", "zeta: s = '1e999' (beyond the range of a double)"},
+      {"zeta:s=1e300", "zeta: s = 1e+300 (no double holds the mass"},
+      {"poisson:lambda=1e-320", "Poisson: lambda = 1e-320 (no double holds the mass"},
       {"poisson:lamda=3", "did you mean 'lambda'?"},
       {"poisson:lambda=-3", "Poisson: lambda = -3 (must lie in"},
       {"tabulated:0.5,0.3", "no tail"},

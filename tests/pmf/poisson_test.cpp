@@ -84,6 +84,7 @@ TEST_CASE("Poisson refuses a lambda that is no mean level", "[pmf][exact]") {
     CAPTURE(lambda);
     CHECK_THROWS_AS(Poisson(lambda), std::invalid_argument);
   }
+  CHECK_THROWS_WITH(Poisson(1e-320), Catch::Contains("no double holds the mass of level 1"));
   CHECK_THROWS_WITH(Poisson(0), Catch::Contains("Poisson: lambda = 0 (must lie in (0, 1e6])"));
 }
 
