@@ -171,6 +171,14 @@ check "and the reason" has '^debias: standard input: ' err
 { timeout 10 "$debias" validate 2> err; echo $? > code; } | head -1 > out
 check "validate ends with its reader" same "$(cat code)" 5
 
+# ---- a pipe to write into
+mkfifo into
+cat into > read &
+timeout 10 "$debias" run A01 --samples 100 --json -q -o into
+check "a result goes into a pipe" same $? 0
+wait $!
+check "and is whole" same_result read expected
+
 # ---- killed: nothing of it is left
 "$debias" run A01 --samples 1e15 -o killed.result --plot killed.svg > /dev/null 2>&1 &
 killed=$!

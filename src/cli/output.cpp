@@ -71,7 +71,10 @@ void Output::flush() {
   if (silent) return;
   std::ostream& target = is_file() ? file_ : std::cout;
   errno = 0;
-  if (is_file() && !std::exchange(emptied_, true)) {
+  // A pipe that is opened anew has lost its reader.
+  std::error_code unknown;
+  const bool is_pipe = is_file() && std::filesystem::is_fifo(path_, unknown);
+  if (is_file() && !std::exchange(emptied_, true) && !is_pipe) {
     file_.close();
     file_.open(path_, std::ios::binary | std::ios::trunc);
   }
