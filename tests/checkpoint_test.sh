@@ -135,7 +135,7 @@ check "a recipe with a goal is tightened" same "$(answer resume rg --error 0.01 
 for i in 1 2; do answer run A03 --estimator recipe --samples 2e5 --shard $i/2 --checkpoint r$i > /dev/null; done
 check "a recipe in shards" same "$(answer merge r2 r1 | without_recipe | without_work)" \
   "$(echo "$recipe" | without_recipe | without_work)"
-for doubt in "A08 1 no_second_moment" "B17 1 aliased_differences"; do # of the pilot, which is not made again
+for doubt in "A08 1 no_second_moment" "I05 1 declared_rates"; do # of the pilot, which is not made again
   set -- $doubt
   recipe=$(answer run $1 --seed $2 --estimator recipe --samples 2e4 --checkpoint d$1)
   check "and is resumed with its doubt" same "$(answer resume d$1 | without_recipe)" "$(echo "$recipe" | without_recipe)"

@@ -271,7 +271,8 @@ TEST_CASE("samples are members at the doors: run, resume, shards, sweep and repl
 }
 
 TEST_CASE("a caller that ends a sweep gets its finished points, and takes them up again", "[commands][exact]") {
-  const TradeoffRequest request{.problem = &problem(), .points = 3, .samples = 4000};
+  // One thread: of several, the others may draw all chunks before the one that tells has its first.
+  const TradeoffRequest request{.problem = &problem(), .points = 3, .samples = 4000, .threads = 1};
   const TradeoffReport whole = tradeoff(request);
   Memory memory;
   const auto until_third = [](std::string_view what, double, double) {
@@ -385,9 +386,8 @@ TEST_CASE("what a recipe doubts is said by its run, and by all that it becomes",
 }
 
 TEST_CASE("a run by a recipe keeps what the recipe doubts", "[commands][exact]") {
-  for (const auto& [name, seed, doubt] : {std::tuple("B17", 1, WarningCode::aliased_differences),
-                                          {"A08", 1, WarningCode::no_second_moment},
-                                          {"I05", 1, WarningCode::declared_rates}}) {
+  for (const auto& [name, seed, doubt] :
+       {std::tuple("A08", 1, WarningCode::no_second_moment), {"I05", 1, WarningCode::declared_rates}}) {
     INFO(name);
     KeptRun kept;
     const RunReport report = run({.problem = &catalog::find(name),
