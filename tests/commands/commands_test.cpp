@@ -401,7 +401,7 @@ TEST_CASE("a run by a recipe keeps what the recipe doubts", "[commands][exact]")
     const auto [request, earlier] = extended({.kept = kept});
     const std::vector<Warning> again = run(request, {}, earlier).statistics.warnings;
     CHECK(again == report.statistics.warnings);
-    CHECK(std::any_of(again.begin(), again.end(), [&](const Warning& w) { return w.code == doubt; }));
+    CHECK(std::any_of(again.begin(), again.end(), [doubt = doubt](const Warning& w) { return w.code == doubt; }));
   }
 }
 
