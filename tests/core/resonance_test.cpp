@@ -71,7 +71,7 @@ bool recipe_is_silently_wrong(const F& f, std::uint64_t seed, std::int64_t sampl
 
 }  // namespace
 
-// One batch in fifty is three of its errors off: 14 of these 800 runs were warned of.
+// One batch in fifty is three of its errors off: 12 of these 800 runs were warned of.
 TEST_CASE("integrands that are in step with nothing are not warned of", "[core][resonance][statistical]") {
   const auto warned_of = [](const auto& sequence, int runs, std::int64_t samples) {
     int warned = 0;
