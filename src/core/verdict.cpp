@@ -267,6 +267,13 @@ TailsSay worse(const TailsSay& a, const TailsSay& b) {
   return a.index >= b.index ? a : b;
 }
 
+// Nothing but zeros, or deviations whose squares underflow: what is rare, or any variance at all, was not seen.
+bool shows_no_variance(const Statistics& s) {
+  const bool zeros = s.moments.count > 1 && s.moments.mean == 0 && s.moments.m2 == 0;
+  return zeros || std::any_of(s.warnings.begin(), s.warnings.end(),
+                              [](const Warning& w) { return w.code == WarningCode::square_underflow; });
+}
+
 // The levels of coupled chains are the times when they met.
 MeetingTail meeting_of(const Statistics& s) {
   if (!s.sequence.meeting_times) return {};
@@ -413,6 +420,7 @@ RunVerdict judge(const Statistics& s) {
       v.unseen_share = std::min(missing, say.doubt.unseen) / all;
       v.degrees = say.doubt.degrees;
     }
+    if (shows_no_variance(s)) v.kurtosis = v.degrees = infinity;
   } else {
     has_levels = false;
     t.say = {};

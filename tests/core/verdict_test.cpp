@@ -17,8 +17,10 @@
 #include <debias/core/estimate.hpp>
 #include <debias/core/verdict.hpp>
 #include <debias/estimators/single_term.hpp>
+#include <debias/function_of_mean.hpp>
 #include <debias/pmf/geometric.hpp>
 #include <debias/pmf/zeta.hpp>
+#include <debias/recipe.hpp>
 #include <debias/series.hpp>
 
 using namespace debias;
@@ -503,4 +505,31 @@ TEST_CASE("an interval is reliable by its variance, degrees, unseen levels, samp
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.variance = Finiteness::undecided; }));
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.kurtosis = 1e6; }));
   CHECK_FALSE(spoilt([](RunVerdict& v) { v.wrong_mean = true; }));
+}
+
+// [0, 0] and [2.6e-161, 2.6e-161] were called reliable.
+TEST_CASE("an interval of zeros alone, or of squares that underflow, is not reliable", "[verdict]") {
+  const auto is_reliable = [](const auto& estimator, std::uint64_t seed) {
+    const auto r = estimate(estimator, {.samples = 8192, .seed = seed, .threads = 1});
+    CAPTURE(r.estimator, r.mean, r.standard_error);
+    return r.verdict().interval_reliable();
+  };
+  const auto rare = [](Stream& rng) { return rng.uniform() < 1e-5 ? 1.0 : 0.0; };
+  const auto constant = [](Stream& /*rng*/) { return 3.0; };
+  const auto tiny = [](double scale) {
+    return function_of_mean([](Stream& rng) { return rng.uniform(); }, [scale](double m) { return scale * m * m; });
+  };
+  int zeros = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const auto seen = estimate(rare, {.samples = 8192, .seed = seed, .threads = 1});
+    zeros += seen.mean == 0;
+    CHECK((seen.mean != 0 || !seen.verdict().interval_reliable()));
+    for (const double scale : {1e-155, 1e-160, 1e-200, 1e-300}) {
+      CHECK_FALSE(is_reliable(single_term(tiny(scale), Geometric(0.6)), seed));
+      CHECK_FALSE(is_reliable(recipe(tiny(scale)), seed));
+    }
+    CHECK(is_reliable(recipe(tiny(1e-140)), seed));
+  }
+  CHECK(zeros >= 8);
+  CHECK(is_reliable(constant, 1));  // what it says of itself is a warning
 }
