@@ -17,6 +17,20 @@ namespace {
 
 std::string figure_or_dash(double x, int digits = 3) { return std::isfinite(x) ? rounded(x, digits) : "-"; }
 
+// Values that depend on their neighbours are large together: what 400 of them say may be the word of ten. Means of blocks as long
+// as the dependence have the tails of the values, and are nearly independent.
+RunVerdict verdict_of_blocks(const Diagnosis& d, double time) {
+  std::vector<double> means = d.block_means;
+  for (auto length = static_cast<double>(d.block_length); length < time && means.size() > 1; length *= 2) {
+    for (std::size_t i = 0; 2 * i + 1 < means.size(); ++i) means[i] = (means[2 * i] + means[2 * i + 1]) / 2;
+    means.resize(means.size() / 2);
+  }
+  const Moments moments = Moments::of(means);
+  std::sort(means.begin(), means.end());
+  const std::vector<double> descending(means.rbegin(), means.rend());
+  return judge(moments, descending, means);
+}
+
 // Values that depend on their neighbours: an error that allows for it, or a word where they alternate.
 void judge_dependence(Diagnosis& d) {
   const Dependence dependence = dependence_of(d.block_means, d.block_length, d.moments);
@@ -34,8 +48,14 @@ void judge_dependence(Diagnosis& d) {
       {WarningCode::dependence, "values depend on their neighbours: the standard error is " +
                                     rounded(dependence.standard_error / d.moments.standard_error(), 2) +
                                     " times that of independent values, and the interval allows for it."});
-  // The verdict then says that the interval is not reliable.
-  d.verdict.degrees = dependence.known() ? dependence.degrees : std::min(dependence.degrees, 4.0);
+  RunVerdict& v = d.verdict;
+  if (v.variance == Finiteness::finite && verdict_of_blocks(d, dependence.time).variance != Finiteness::finite) {
+    v.variance = Finiteness::undecided;
+    if (v.fourth_moment == Finiteness::finite) v.fourth_moment = Finiteness::undecided;
+  }
+  v.grade = v.variance == Finiteness::undecided ? Grade::open : std::min(v.grade, Grade::likely);
+  // Where that is not known the interval is not reliable.
+  v.degrees = dependence.known() ? dependence.degrees : std::min(dependence.degrees, 4.0);
 }
 
 // ", of big-endian float32", ", columns by ';'": what was taken for what.
