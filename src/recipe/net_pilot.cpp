@@ -172,7 +172,7 @@ std::optional<NetPilot::Levels> NetPilot::levels_of(std::int64_t base_level, dou
       return {};
     }
     if (as_base && m->variance.front() > 0 && m->hits < enough_hits_of_base) {
-      why_ = "the base level shows a rare value, whose variance is not known from nets";
+      why_ = "few draws of the base level carry its variance, and nets have not shown it yet";
       return {};
     }
     NetLevel next{m->variance, m->second_moment, work_of(level), m->kurtosis(), runs_.plain_inside};
