@@ -181,7 +181,7 @@ std::function<Next()> moving(const Next& x, std::size_t width) {
 
 }  // namespace
 
-// 60 of 160 sets that were repeated or filtered were called finite, 19 of them "shown".
+// 59 of 160 sets that were repeated or filtered were called finite, 19 of them "shown".
 TEST_CASE("a heavy tail among values that depend on their neighbours is hardly called finite, and not shown",
           "[evidence][inputs][diagnose][statistical]") {
   const Verdicts v =
