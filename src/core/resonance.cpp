@@ -45,7 +45,7 @@ double added_beyond(const Statistics& s, std::int64_t level) {
   return added;
 }
 
-// Is there a difference that is more than rounding?
+// Is no difference more than rounding?
 bool all_vanish(const std::vector<LevelRow>& levels) {
   double base = 0;
   for (const LevelRow& row : levels) base = row.is_base ? std::max(base, row.second_moment) : base;
