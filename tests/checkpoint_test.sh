@@ -57,8 +57,8 @@ check "and has to be asked for again" has "the new goal again" err
 check "what was there is there" same "$(answer resume gp)" "$held"
 
 # ---- killed
-long=$(answer run E02 --samples 6000000)
-"$debias" run E02 --samples 6000000 --checkpoint k --threads 1 >/dev/null 2>&1 &
+long=$(answer run E02 --samples 3000000)
+"$debias" run E02 --samples 3000000 --checkpoint k --threads 1 >/dev/null 2>&1 &
 pid=$!
 tries=0
 while [ $tries -lt 50 ] && ! { [ -f k ] && [ "$(wc -c < k)" -gt 20000 ]; }; do sleep 0.1; tries=$((tries + 1)); done

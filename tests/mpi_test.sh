@@ -37,12 +37,12 @@ on 3 resume finished --samples 3e4 --json -o grown.json > out 2> err
 check "and can grow" same "$(lasting < grown.json)" "$(answer "$debias" run A03 --samples 3e4)"
 
 # ---- one rank is killed
-whole=$(answer "$debias" run E02 --samples 16000000)
-on 2 run E02 --samples 16000000 --threads 1 --checkpoint k > /dev/null 2>&1 &
+whole=$(answer "$debias" run E02 --samples 5000000)
+on 2 run E02 --samples 5000000 --threads 1 --checkpoint k > /dev/null 2>&1 &
 launcher=$!
 tries=0
 while [ $tries -lt 80 ] && ! { [ -f k ] && [ "$(wc -c < k)" -gt 20000 ]; }; do sleep 0.1; tries=$((tries + 1)); done
-kill -9 "$(pgrep -f "^$debias run E02 --samples 16000000" | tail -1)" 2> /dev/null
+kill -9 "$(pgrep -f "^$debias run E02 --samples 5000000" | tail -1)" 2> /dev/null
 wait $launcher
 check "a job without one of its ranks ends" [ $? -ne 0 ]
 check "and goes on with another number of them" same "$(answer on 3 resume k)" "$whole"

@@ -309,7 +309,7 @@ class Measurement {
     double worst = 0;
     double giles = 0;
     std::int64_t pairs = 0;
-    const auto draws = std::clamp<std::int64_t>(plan_.samples, 1024, 4096);
+    const auto draws = std::clamp<std::int64_t>(plan_.samples, 256, 4096);
     for (const Problem& p : catalog::problems()) {
       if (!p.levels.draw) continue;
       const Survey s = debias::survey(p.levels, p.lowest_base + 6, plan_of(draws, plan_.seed, "telescoping"));

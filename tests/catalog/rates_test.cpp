@@ -101,7 +101,7 @@ TEST_CASE("E22: its levels have the variances that the manual of the R package m
 TEST_CASE("56 problems have their stated rates within 0.15", "[catalog][survey][stat]") {
   CHECK(stated.size() == 56);
   for (const Stated& s : stated) {
-    const Survey measured = survey(find(s.id).levels, 10, {.samples = 8192, .seed = 3});
+    const Survey measured = survey(find(s.id).levels, 10, {.samples = 4096, .seed = 3});
     INFO(s.id << ", stated " << s.variance << ", work " << s.work << '\n' << measured);
     CHECK(measured.rates.kind == RateKind::geometric);
     CHECK(std::abs(measured.rates.variance_decay.value - s.variance) < 0.15);
