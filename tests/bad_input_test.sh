@@ -70,8 +70,8 @@ done
 for writer in 'run A01 --samples 100 --checkpoint' 'merge whole --checkpoint'; do ended 5 pipe $writer pipe; done
 for writer in 'render transmittance --size 8x8 --spp 1' 'render photons --size 8x8 --photons 100'; do
   for file in folder.pfm/a.pfm short/a.pfm a/b.png; do ended 5 "$file" $writer -o "$file"; done
-  ended 5 short $writer --compare -o short
 done
+for scene in transmittance photons; do ended 5 short render $scene --size 8x8 --compare -o short; done
 ended 2 'one file' run A01 --samples 100 --checkpoint both -o both
 ended 2 'one file' run A01 --samples 100 --checkpoint ./both -o both
 ended 2 'one file' run A01 --samples 100 --plot both.svg -o folder/../both.svg

@@ -30,6 +30,7 @@ refused 2 "--size" transmittance --size 1x2x3 -o x.png
 refused 2 "--exposure = '-1'" transmittance --exposure -1 -o x.png
 refused 2 "--density = '0'" transmittance --density 0 -o x.png
 refused 2 "--equal-time = 'soon'" transmittance --equal-time soon -o x.png
+refused 2 "--spp = '9' (--compare takes" transmittance --compare --spp 9 -o folder
 refused 2 "--compare takes all" transmittance --compare --estimator telescoping -o folder
 refused 2 "add --volume" transmittance --dims 2x2x2 -o x.png
 refused 2 "add --dims" transmittance --volume v.raw -o x.png

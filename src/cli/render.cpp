@@ -136,9 +136,11 @@ int draw(const R& request, double exposure, Session& session, const Delivery& de
 }  // namespace
 
 int execute(const RenderTransmittance& r, const Delivery& delivery) {
-  if (r.request.samples != commands::TransmittanceRequest{}.samples && r.request.equal_time > 0) {
-    throw std::invalid_argument("--spp = '" + std::to_string(r.request.samples) +
-                                "' (--equal-time takes as many as the time allows); leave one out");
+  if (r.request.samples != commands::TransmittanceRequest{}.samples &&
+      (r.request.equal_time > 0 || r.request.compare)) {
+    throw std::invalid_argument("--spp = '" + std::to_string(r.request.samples) + "' (" +
+                                (r.request.equal_time > 0 ? "--equal-time" : "--compare") +
+                                " takes as many as the time allows); leave one out");
   }
   check_exposure(r.exposure, r.request.compare, delivery);
   const auto read = read_cloud(r, delivery.output);
