@@ -213,6 +213,7 @@ struct TailsSay {
   Grade grade = Grade::open;
   double index = -infinity;
   double error = infinity;
+  std::int64_t values = 0;  // that it was fitted to
 };
 
 // One side: `share` is that of its largest in the sum of squares, `hits` the values beside the commonest one.
@@ -221,7 +222,7 @@ TailsSay one_side(std::span<const double> descending, const TailIndex& full, std
   const auto n = static_cast<double>(samples);
   TailsSay t;
   if (full.state == TailState::too_few) return t;
-  t = {Finiteness::finite, Grade::shown, full.k, full.error};
+  t = {Finiteness::finite, Grade::shown, full.k, full.error, full.values};
   if (full.state == TailState::bounded) {
     t.error = 0;
     return t;
@@ -299,8 +300,16 @@ TailsSay with_meeting(TailsSay tails, const MeetingTail& meeting) {
   return tails;
 }
 
-void combine(RunVerdict& v, const TailsSay& tails, const LevelsSay& say, bool has_levels, bool base_is_heavy) {
+void combine(RunVerdict& v, TailsSay tails, const LevelsSay& say, bool has_levels, bool base_is_heavy) {
   const LevelEvidence& l = v.levels;
+  // All values of what is rare look like a tail, some from each of many levels, until a few levels are known.
+  constexpr std::int64_t fewest_values = 32;
+  constexpr int fewest_levels = 2;
+  const bool rare = has_levels && !l.available && (tails.values < fewest_values || l.usable_levels < fewest_levels);
+  if (rare && tails.variance == Finiteness::infinite) {
+    tails.variance = Finiteness::undecided;
+    tails.grade = Grade::open;
+  }
   v.variance = tails.variance;
   v.grade = tails.grade;
   v.tail_index = tails.index;

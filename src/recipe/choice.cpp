@@ -88,6 +88,7 @@ class Choice {
       if (survey_.row_at(m) == nullptr || survey_.row_at(m + 1) == nullptr) continue;  // not drawn
       if (m > lowest && row(m).value_work > most_base_work * unit) break;
       if (!has_moments(m)) continue;
+      if (m > lowest && shows_nothing(m)) continue;
       if (m > lowest && exhausted(m) && exhausted(m - 1)) break;
       for (const Base base : {Base::every_sample, Base::one_outcome}) {
         if (options_.base && *options_.base != base) continue;
@@ -180,6 +181,9 @@ class Choice {
     const SurveyRow& r = row(m);
     return std::isfinite(r.variance) && std::isfinite(r.mean) && r.variance < 1e300;
   }
+
+  // Its few draws have not met what lower levels have: it is no better than these.
+  [[nodiscard]] bool shows_nothing(std::int64_t m) const { return row(m).mean == 0 && row(m).variance == 0; }
 
   // The differences above m are next to nothing beside the value: rounding, or the end of the sequence, is near.
   [[nodiscard]] bool exhausted(std::int64_t m) const {
@@ -355,6 +359,9 @@ double highest_moment_of(const Survey& survey, double exponent) {
 double right_for_declared(double exponent, const Advice& advice, const Rates& shown, double (*best)(const Rates&)) {
   const std::optional<Rates>& declared = advice.facts.declared;
   const End end = advice.survey.evidence.end;
+  // Where no level speaks, the declared rates do.
+  if (declared && end == End::none && advice.survey.evidence.courses.empty() && pmf_exists(*declared))
+    return best(*declared);
   if (!declared || declared->decay != shown.decay || end == End::stated || end == End::rounding) return exponent;
   Rates both = shown;
   if (declared->variance_decay < shown.variance_decay) both.variance_decay = declared->variance_decay;

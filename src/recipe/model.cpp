@@ -5,12 +5,14 @@
 #include <cmath>
 #include <limits>
 
+#include "statistics/posterior.hpp"
+
 namespace debias {
 namespace {
 
 constexpr std::int64_t levels_predicted = 64;  // beyond the survey, that a prediction sums over
 constexpr std::int64_t slow_levels_predicted = 4096;
-constexpr double never_seen = 1e-6;          // of a second moment, for the one of a base that showed nothing but zeros
+constexpr double never_seen = 1e-6;          // least part of a difference that a base of zeros alone may be
 constexpr double strata_share = 1.0 / 2;     // of the draws of a level that have no part in its base
 constexpr std::int64_t fewest_members = 32;  // that run together and tell what strata leave
 
@@ -143,9 +145,14 @@ TermMoments term_moments(const LevelRuns& runs, const Survey& survey, const Leve
     t.variance[0] = base.variance;
     t.mean_square[0] = base.mean * base.mean;
     t.work[0] = base.value_work;
-    // A base that is zero in every draw still has to be an outcome.
+    // A base that is zero in every draw still has to be an outcome, and may be as rare as the difference above it.
     if (t.variance[0] + t.mean_square[0] == 0) {
-      t.variance[0] = never_seen * (t.variance[1] + t.mean_square[1] + std::numeric_limits<double>::min());
+      double part = never_seen;
+      for (const LevelFacts& f : survey.evidence.facts) {
+        if (f.level != form.base_level + 1) continue;
+        part = std::max(part, statistics::chance_of_zeros(f, static_cast<double>(base.draws)));
+      }
+      t.variance[0] = part * (t.variance[1] + t.mean_square[1] + std::numeric_limits<double>::min());
     }
     if (t.block == 1) t.fixed_variance = -(base.mean + above) * (base.mean + above);
   } else {

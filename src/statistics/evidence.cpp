@@ -248,6 +248,11 @@ class Scales {
       finish(End::stated, Answer::yes, Grade::shown);
       return;
     }
+    if (stated) {
+      e_.reasons.push_back(
+          {WarningCode::declared_rates, "exact_from = " + std::to_string(*stated) + " is stated, and level " +
+                                            std::to_string(e_.last_difference) + " still has differences: wrong."});
+    }
     if (zeros.empty()) return;
     if (!promised(zeros)) return;
     if (falls_into_rounding()) {
@@ -289,7 +294,7 @@ class Scales {
   [[nodiscard]] bool promised(const std::vector<std::size_t>& zeros) const {
     double draws = 0;
     for (const std::size_t i : zeros) draws += static_cast<double>(fact(i).draws);
-    if (live_.empty()) return draws >= zeros_of_nothing;
+    if (live_.empty()) return draws >= std::max(zeros_of_nothing, hits_promised / nonzero_base());
     std::vector<double> k;
     std::vector<double> share;
     for (const std::size_t i : live_) {
@@ -313,6 +318,16 @@ class Scales {
       hits += static_cast<double>(fact(i).draws) * std::min(1.0, expected);
     }
     return hits >= hits_promised;
+  }
+
+  // Differences need be no more frequent than the values of the base, which zeros alone say nothing of.
+  [[nodiscard]] double nonzero_base() const {
+    for (const LevelFacts& f : e_.facts) {
+      if (!f.is_base) continue;
+      const double share = std::isnan(f.nonzero) ? 1 / f.kurtosis : f.nonzero;
+      if (share > 0 && share < 1) return share;
+    }
+    return 1;
   }
 
   [[nodiscard]] double nonzero_of(std::size_t i) const {
@@ -380,7 +395,7 @@ class Scales {
       const bool grows =
           growth - slope_error_of(last(k, 5), last(absolute_errors, 5)) > (e_.exponential_work ? 0.25 : 0.025);
       grows_straight_ = grows && grows_straight(scatter);
-      e_.changes = falls || (grows && !grows_straight_) || steepens(scatter);
+      e_.changes = falls || (grows && !grows_straight_) || steepens(scatter) || slackens();
     }
   }
 
@@ -400,6 +415,41 @@ class Scales {
     const statistics::Halves h = halves(n, scatter);
     // Few levels may be all on the near side of a hump: less is enough for a doubt.
     return h.bend() > (e_.exponential_work ? 0.3 : 0.015) && h.bend() > (n < many ? 1 : 2) * h.bend_error();
+  }
+
+  // Growth that slows down ends, as that of 2^k zeros of probability 1 - p does where 2^k nears 1 / p: the levels that are
+  // known lie on a parabola which bends more than their draws make it.
+  [[nodiscard]] bool slackens() const {
+    constexpr std::size_t many = 6;
+    constexpr std::size_t fewest = 5;
+    constexpr double least = 0.3;  // octaves a level, from the first to the last
+    if (!e_.exponential_work) return false;
+    std::vector<std::size_t> known;
+    for (const std::size_t i : usable_) {
+      if (voice(i).error <= known_error) known.push_back(i);
+    }
+    if (known.size() < fewest) return false;
+    const std::span<const std::size_t> seen = std::span(known).last(std::min(many, known.size()));
+    const auto level = [&](std::size_t i) { return static_cast<double>(fact(i).level); };
+    const auto sum = [&](const auto& term) {
+      double all = 0;
+      for (const std::size_t i : seen) all += term(i) / (voice(i).error * voice(i).error);
+      return all;
+    };
+    const double one = sum([](std::size_t) { return 1.0; });
+    const double mean = sum(level) / one;
+    const auto line = [&](std::size_t i) { return level(i) - mean; };
+    const double square = sum([&](std::size_t i) { return line(i) * line(i); });
+    const double offset = square / one;
+    const double skew = sum([&](std::size_t i) { return std::pow(line(i), 3); }) / square;
+    const auto parabola = [&](std::size_t i) { return line(i) * (line(i) - skew) - offset; };
+    const double norm = sum([&](std::size_t i) { return parabola(i) * parabola(i); });
+    const double curve = sum([&](std::size_t i) { return parabola(i) * voice(i).log2_second; }) / norm;
+    const double growth = (voice(seen[1]).log2_second - voice(seen[0]).log2_second) / (level(seen[1]) - level(seen[0]));
+    const double growth_error =
+        std::hypot(voice(seen[1]).error, voice(seen[0]).error) / (level(seen[1]) - level(seen[0]));
+    const double bend = -2 * curve * (level(seen.back()) - level(seen.front()));
+    return growth > 2.6 * growth_error && bend > least && -curve > 2.6 / std::sqrt(norm);
   }
 
   // A hump bends. What has grown for six levels by as much each is a trend.

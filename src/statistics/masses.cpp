@@ -416,6 +416,16 @@ Doubt doubt_of(const Evidence& e, const Masses& masses, double members) {
   for (const LevelFacts& f : e.facts) {
     if (!f.is_base || !(f.draws > 0)) continue;
     const bool drawn = p.holds(f.level) && p.at(f.level) < 0;  // one outcome of the PMF
+    // Zeros alone may be those of something as rare as the first difference.
+    if (drawn && f.second_moment == 0) {
+      const auto shown = std::find_if(e.facts.begin(), e.facts.end(), [](const LevelFacts& g) {
+        return !g.is_base && g.second_moment > 0 && std::isfinite(g.second_moment);
+      });
+      if (shown != e.facts.end()) {
+        const double square = shown->second_moment * statistics::chance_of_zeros(*shown, static_cast<double>(f.draws));
+        add(d.unseen, square * std::exp2(-p.at(f.level)) / members, 2);
+      }
+    }
     const double variance = drawn                          ? f.second_moment * std::exp2(-p.at(f.level))
                             : std::isnan(f.value_variance) ? f.second_moment - f.mean * f.mean
                                                            : f.value_variance;

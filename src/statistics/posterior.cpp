@@ -383,6 +383,14 @@ Halves halves_of(std::span<const Observation> seen, double scatter) {
   return {fall(seen.front(), middle), fall(middle, seen.back())};
 }
 
+double chance_of_zeros(const LevelFacts& level, double draws) {
+  if (!(level.second_moment > 0)) return 1;
+  // Both by Cauchy and Schwarz; a run does not count what is not zero.
+  double share = std::max(1 / level.kurtosis, level.mean * level.mean / level.second_moment);
+  if (!std::isnan(level.nonzero)) share = std::max(share, level.nonzero);
+  return std::isnan(share) ? 1 : std::exp(-share * draws);
+}
+
 double scatter_of(std::span<const Course> courses) {
   if (courses.empty()) return 0;
   std::vector<double> omega;

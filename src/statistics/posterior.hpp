@@ -60,6 +60,9 @@ struct Halves {
 };
 Halves halves_of(std::span<const Observation> seen, double scatter);
 
+/// The chance that so many draws of what is as rare as the differences of this level are zeros alone.
+double chance_of_zeros(const LevelFacts& level, double draws);
+
 /// Of single levels about the trend, in octaves: the median.
 double scatter_of(std::span<const Course> courses);
 

@@ -207,7 +207,9 @@ TEST_CASE("zeros are an end where the sequence states it, likely after three lev
   CHECK(stated.end == End::stated);
   CHECK(stated.grade == Grade::shown);
   // A difference above the stated end: the statement is wrong and the levels decide.
-  CHECK(weigh(Table{}.facts(), {.exact_from = 2}).end == End::none);
+  const Evidence wrong = weigh(Table{}.facts(), {.exact_from = 2});
+  CHECK(wrong.end == End::none);
+  CHECK(wrong.reasons.at(0).text.find("exact_from = 2 is stated, and level") == 0);
   // Its limit is one number, but I_k varies as before.
   const Evidence aliased = weigh(ends, {.constant_limit = true});
   CHECK(aliased.end == End::aliased);
