@@ -145,7 +145,7 @@ TEST_CASE(
   const double mean_above =
       std::exp(-at * at / 2) / std::sqrt(6.283185307179586) - at * std::erfc(at / std::sqrt(2)) / 2;
   const auto kink = nested(heard, inner, [](double m) { return m > at ? m - at : 0.0; }, {1.5, 1});
-  const Count c = count(recipe(kink), mean_above, 1 << 14, 60, 5);
+  const Count c = count(recipe(kink), mean_above, 1 << 14, 30, 5);
   CAPTURE(a, b, c);
   for (const Count& n : {a, b, c}) {
     CHECK(n.infinite <= 6);
@@ -159,8 +159,8 @@ TEST_CASE(
     return n;
   };
   const auto gated = [](Stream& rng) { return rng.uniform() < 0.015 ? rng.exponential() : 0.0; };
-  const Count d = count(recipe(clamped_reciprocal(poisson)), 1 / 0.03, 1 << 13, 8, 5);
-  const Count e = count(recipe(clamped_reciprocal(gated, 0.5)), 1 / 0.015, 1 << 13, 8, 5);
+  const Count d = count(recipe(clamped_reciprocal(poisson)), 1 / 0.03, 1 << 13, 5, 5);
+  const Count e = count(recipe(clamped_reciprocal(gated, 0.5)), 1 / 0.015, 1 << 13, 5, 5);
   CAPTURE(d, e);
   CHECK(d.refused == 0);
   CHECK(e.refused == 0);
@@ -183,7 +183,7 @@ TEST_CASE("unseen: rare sizes that vary, rare pairs and clamps of other laws are
   const Count b = count(recipe(series(pairs)), 4.0 / 3, 12'000, 60, 77);
   const Count c = count(recipe(series(slow)), 1.2020569031595942, 16'000, 60, 77);
   const auto either = [](Stream& rng) { return rng.uniform() < 0.03 ? (rng.uniform() < 0.5 ? 1.0 : 3.0) : 0.0; };
-  const Count d = count(recipe(clamped_reciprocal(either, 0.1)), 1 / 0.06, 1 << 14, 8, 77);
+  const Count d = count(recipe(clamped_reciprocal(either, 0.1)), 1 / 0.06, 1 << 14, 5, 77);
   CAPTURE(a, b, c, d);
   for (const Count& n : {a, b, c, d}) {
     CHECK(n.infinite <= 6);
