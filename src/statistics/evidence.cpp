@@ -445,9 +445,8 @@ class Scales {
     const auto parabola = [&](std::size_t i) { return line(i) * (line(i) - skew) - offset; };
     const double norm = sum([&](std::size_t i) { return parabola(i) * parabola(i); });
     const double curve = sum([&](std::size_t i) { return parabola(i) * voice(i).log2_second; }) / norm;
-    const double growth = (voice(seen[1]).log2_second - voice(seen[0]).log2_second) / (level(seen[1]) - level(seen[0]));
-    const double growth_error =
-        std::hypot(voice(seen[1]).error, voice(seen[0]).error) / (level(seen[1]) - level(seen[0]));
+    const double growth = voice(seen[1]).log2_second - voice(seen[0]).log2_second;
+    const double growth_error = std::hypot(voice(seen[1]).error, voice(seen[0]).error);
     const double bend = -2 * curve * (level(seen.back()) - level(seen.front()));
     return growth > 2.6 * growth_error && bend > least && -curve > 2.6 / std::sqrt(norm);
   }

@@ -71,9 +71,9 @@ TEST_CASE("rare terms are seldom infinite, and a base that nobody has met is non
       const Count bare = count(recipe(series(rare_terms(p, 0.5))), 2, samples, 60, 1000);
       CAPTURE(p, samples, declared, bare);
       for (const Count& c : {declared, bare}) {
-        CHECK(c.infinite <= 6);  // "likely" is wrong once in ten
+        CHECK(10 * c.infinite <= c.runs);  // "likely" is wrong once in ten
         CHECK(c.refused == 0);
-        CHECK(c.missed <= 6);
+        CHECK(10 * c.missed <= c.runs);
         CHECK(c.worst < 3);
         CHECK(std::sqrt(c.square / c.runs) < (samples == 1 << 13 ? 2.5 : 4));
       }
@@ -148,9 +148,9 @@ TEST_CASE(
   const Count c = count(recipe(kink), mean_above, 1 << 14, 30, 5);
   CAPTURE(a, b, c);
   for (const Count& n : {a, b, c}) {
-    CHECK(n.infinite <= 6);
+    CHECK(10 * n.infinite <= n.runs);
     CHECK(n.refused == 0);
-    CHECK(n.missed <= 6);
+    CHECK(10 * n.missed <= n.runs);
   }
   const auto poisson = [](Stream& rng) {  // mean .03
     double product = rng.uniform();
@@ -166,7 +166,7 @@ TEST_CASE(
   CHECK(e.refused == 0);
 }
 
-// Written after the rules were fixed.
+// Written after the rules of growth and of tails were fixed. That of bases of zeros was mended once more, by another test.
 TEST_CASE("unseen: rare sizes that vary, rare pairs and clamps of other laws are as rare as those that the rules know",
           "[recipe][unseen][statistical][stat]") {
   const auto lognormal = [](std::int64_t k, Stream& rng) {  // sum 2.5
@@ -186,9 +186,17 @@ TEST_CASE("unseen: rare sizes that vary, rare pairs and clamps of other laws are
   const Count d = count(recipe(clamped_reciprocal(either, 0.1)), 1 / 0.06, 1 << 14, 5, 77);
   CAPTURE(a, b, c, d);
   for (const Count& n : {a, b, c, d}) {
-    CHECK(n.infinite <= 6);
+    CHECK(10 * n.infinite <= n.runs);
     CHECK(n.refused == 0);
-    CHECK(n.missed <= 6);
+    CHECK(10 * n.missed <= n.runs);
     CHECK(n.worst < 3);
   }
+}
+
+// Of the same unseen set. Zeros are likely on all levels that a pilot pays for, so that growth is straight as far as it sees.
+TEST_CASE("unseen: a clamp that is met to level 8 is not refused", "[recipe][unseen][statistical][stat][!mayfail]") {
+  const auto seldom = [](Stream& rng) { return rng.uniform() < 0.004 ? 5.0 : 0.0; };
+  const Count c = count(recipe(clamped_reciprocal(seldom)), 50, 1 << 13, 16, 77);
+  CAPTURE(c);
+  CHECK(c.refused == 0);  // not met: 3 of 16
 }
